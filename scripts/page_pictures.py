@@ -83,7 +83,7 @@ def story(b, address, out):
     start = time.time()
     b.wait(READY)
     b.click("#tab-visits")
-    b.wait("document.querySelectorAll('#visits .visit img').length > 0")
+    b.wait("document.querySelectorAll('#visits .visit [data-drawn]').length > 0")
     print(f"card after {time.time() - start:.1f} s")
     at = b.js(f"(async () => (await (await fetch('/api/v1/visits')).json()).visits.findIndex((v) => v.visit === '{name}') + 1)()")
     close_hints(b)

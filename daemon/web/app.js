@@ -2,23 +2,27 @@
 
 import { Adjust } from "/web/adjust.js";
 import { get, getStatus } from "/web/api.js";
+import { Calendar } from "/web/calendar.js";
 import { Cameras } from "/web/cameras.js";
 import { Clear } from "/web/clear.js";
 import { Events } from "/web/events.js";
 import { Focus } from "/web/focus.js";
 import { Health } from "/web/health.js";
+import { Keys } from "/web/keys.js";
 import { Labels } from "/web/labels.js";
 import { Light } from "/web/light.js";
 import { Notify } from "/web/notify.js";
 import { Push } from "/web/push.js";
+import { recordedMoment } from "/web/recorded.js";
 import { Recordings } from "/web/recordings.js";
 import { Replay } from "/web/replay.js";
 import { Sessions } from "/web/sessions.js";
 import { Stage } from "/web/stage.js";
 import { Timeline } from "/web/timeline.js";
-import { $, complain, finite, forbid, sentence, session, toast, visible } from "/web/ui.js";
+import { $, complain, finite, forbid, localTime, sentence, session, toast, visible } from "/web/ui.js";
 import { Videos } from "/web/video.js";
 import { View } from "/web/view.js";
+import { address, momentOf, pictures } from "/web/visit_words.js";
 import { Visits } from "/web/visits.js";
 import { Zones } from "/web/zones.js";
 
@@ -37,6 +41,7 @@ let taken = { sets: -1, idle: 0, at_ms: 0, still: false }; // the last frameset 
 let failures = 0;
 let trouble = null; // the latest one
 let wake = () => {}; // requests the status now
+let played = null; // visit whose recording is open; null: another one
 let cutBefore = null; // {px: of the live picture}, while a visit is played with another
 
 const app = {
@@ -111,34 +116,41 @@ app.replay = new Replay(() => {
   if (state.live) followScene(state.live);
   app.stage.explain(explanation());
 }, () => app.stage.drawn_ms());
-const recordings = new Recordings(() => app.view.stream.picture(), app.replay);
+const recordings = new Recordings(() => app.view.stream.picture(), app.replay, () => { played = null; });
 const visits = new Visits(async (visit) => {
-  await app.replay.start({ time: momentOf(visit) });
+  played = visit;
+  const at = recordedMoment(momentOf(visit), Date.parse(visit.from), Date.parse(visit.to));
+  await app.replay.start({ time: new Date(finite(at) ? at : momentOf(visit)).toISOString() });
   keepVisitor(visit);
+}, () => (app.replay.open ? played?.visit ?? "" : ""));
+const timeline = new Timeline(app, (time) => {
+  played = null;
+  return app.replay.start({ time });
 });
 new Videos(app.replay, visits);
-const timeline = new Timeline(app, (time) => app.replay.start({ time }));
+new Calendar((day) => {
+  $("visits-day").value = day;
+  timeline.setDay(day ? new Date(`${day}T00:00:00`).getTime() : Date.now());
+  visits.filter();
+});
+const keys = new Keys();
+visits.listenKeys(keys, () => app.replay.toggle());
+keys.add("Recording that is played", [["Space", "plays, pauses, unless a button has the focus"], [", .", "5 seconds back, on"], ["L", "back to the live picture"]],
+  () => app.replay.open && !document.querySelector("dialog[open]"), { ",": () => app.replay.step(-5), ".": () => app.replay.step(5), l: () => app.replay.close() });
+keys.add("", [], ({ target }) => app.replay.open && target === document.body, { " ": () => app.replay.toggle() });
 new Notify((visit) => visits.wants(visit), openVisit);
 new Push(openVisit);
 const events = new Events((event) => {
-  if (event.type === "visit" && !$("panel-visits").hidden) visits.refresh().catch(complain);
-  if (event.type === "visit" && !$("timeline").hidden) timeline.refresh();
+  if (event.type === "visit" && !$("panel-visits").hidden) visits.soon();
+  if (event.type === "visit" && !$("timeline").hidden) timeline.soon();
   if (event.level === "error") toast(event.message, "error");
 });
 
 // --- a visit that is played ---
 
-const LEAD_MS = 1500;   // before the moment that is on the card
 const MARGIN_PX = 0.5; // of the cut before a visitor
 const MARGIN = 1.05;
 const MARGIN_HIDDEN = 1.15; // objects that all views together see are placed less exactly
-
-/** A moment before the picture on the card was taken, when the visitor was fully in view: the point of its way that is nearest to that. */
-function momentOf({ from, path, box: [x0, , x1, y1] }) {
-  const far = ([, x, y]) => Math.hypot(x - (x0 + x1) / 2, y - y1);
-  const [seconds] = path.reduce((best, point) => (far(point) < far(best) ? point : best), path[0] ?? [0, 0, 0]);
-  return new Date(Math.max(Date.parse(from) + 1000 * seconds - LEAD_MS, Date.parse(from))).toISOString();
-}
 
 /** A visitor is not removed with the objects in front: the cut is just before its nearest point, until the picture is live again. */
 function keepVisitor({ nearest_px: px, hidden }) {
@@ -233,7 +245,7 @@ function openTab(tab) {
     $(other.getAttribute("aria-controls")).hidden = !on;
   }
   timeline.show(tab.id === "tab-visits" || tab.id === "tab-recordings");
-  if (tab.id === "tab-events") events.seen();
+  if (tab.id === "tab-events") events.seen().catch(complain);
   if (tab.id === "tab-visits") visits.refresh().catch(complain);
   if (tab.id === "tab-recordings") recordings.refresh().catch(complain);
 }
@@ -244,9 +256,16 @@ function openVisit(name) {
   visits.openByName(name).catch(complain);
 }
 
+/** Of an event: /#recording=NAME. */
+function openRecording(name) {
+  openTab($("tab-recordings"));
+  recordings.open(name).catch(complain);
+}
+
 function followAddress() {
-  const name = new URLSearchParams(location.hash.slice(1)).get("visit");
-  if (name) openVisit(name);
+  const where = new URLSearchParams(location.hash.slice(1));
+  if (where.get("visit")) openVisit(where.get("visit"));
+  if (where.get("recording")) openRecording(where.get("recording"));
 }
 
 addEventListener("hashchange", followAddress);
@@ -275,6 +294,13 @@ const ADVICE = {
     ["`sst doctor` diagnoses the cause.", "`journalctl -u sstd -e` shows what happened before."]],
 };
 
+/** The picture of a visit that was stored when it came, under its own time. */
+function pictureOf(visit) {
+  const [kind] = visit ? pictures(visit) : [];
+  const time = visit && new Date(Date.parse(visit.from) + 1000 * (visit.picture_s ?? 0));
+  return kind && { url: address(visit, kind), text: `The card's picture, of ${localTime(time.toISOString())}` };
+}
+
 function explanation() {
   if (failures > 1 && trouble.status) return { title: "The service refuses this page", text: `${sentence(trouble.message)} This page tries again by itself.` };
   if (failures > 1) return { title: "The service does not answer", text: "It may be restarting, or the network is cut. This page tries again by itself.",
@@ -282,6 +308,7 @@ function explanation() {
   if (!status) return { title: "Connecting", text: "Asking the service how it is." };
   if (app.replay.open) return !app.replay.awaits && app.view.stream.pictures ? null : {
     title: `Computing the picture of ${app.replay.words(app.replay.at(), true)}`,
+    picture: pictureOf(played),
     text: sentence(app.replay.state.live?.reason ?? "") || "Depth and labels of all views of that moment. The recording plays on when it is there." };
   const { state, reason, capture = {}, live = {} } = status;
   if (ADVICE[state]) {
@@ -417,6 +444,7 @@ async function start() {
   const id = session(KEPT_VIEW);
   session(KEPT_VIEW, "");
   if (id) await adopt(id).catch(() => {}); // the next status request reports it
+  openTab($("tab-visits"));
   await app.replay.resume();
   document.addEventListener("visibilitychange", whileVisible);
   whileVisible();

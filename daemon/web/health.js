@@ -97,7 +97,7 @@ export class Health {
     $("v-rate").dataset.kind = slow ? "warn" : "";
     const quota = storage.quota_bytes > 0;
     const share = quota ? `${bytes(storage.used_bytes)} of ${bytes(storage.quota_bytes)}` : "";
-    setText($("v-free-name"), quota ? "Quota" : "Free");
+    setText($("v-free-name"), quota ? "Disk used" : "Disk free");
     setText($("v-free"), (quota ? `${number(100 * storage.used_bytes / storage.quota_bytes)} %` : bytes(storage.free_bytes)) +
       (storageKind(storage) ? `, ${storage.state.toLowerCase()}` : ""));
     $("v-free").title = [share, storage.reason].filter(Boolean).join("; ");

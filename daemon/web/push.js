@@ -4,7 +4,6 @@ import { get, post } from "/web/api.js";
 import { $, complain, storage, toast } from "/web/ui.js";
 
 const KEPT = "sst-push";
-const REPORT_MS = 8000; // after an example
 
 /** Why this browser cannot; "": it can. */
 function obstacle() {
@@ -60,13 +59,6 @@ export class Push {
     if (!test) return;
     await post("/api/v1/push", { endpoint, test: true });
     toast("A notification is on its way. What is chosen above counts, also when no page is open.");
-    setTimeout(() => this.report().catch(() => {}), REPORT_MS);
-  }
-
-  /** Why the example did not go out: a service without a way to the internet looks as if all were well. */
-  async report() {
-    const { error } = await get("/api/v1/push");
-    if (error) complain(new Error(`The service cannot send notifications: ${error}`));
   }
 
   /** One of another key cannot be used: the service has got a new one. */

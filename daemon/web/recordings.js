@@ -1,6 +1,8 @@
 // Snapshots, recording, stored files, and exports of single moments as light fields.
 
 import { clock, get, post } from "/web/api.js";
+import { sureToDelete } from "/web/confirm.js";
+import { picture } from "/web/portrait.js";
 import { $, bytes, complain, duration, el, icon, localTime, number, onUse, setText, stopwatch, toast } from "/web/ui.js";
 
 /** Saves a file as a click on a link to it does. */
@@ -23,8 +25,9 @@ const LATE_S = 2; // of a video's beginning after its recording's
 const download = (name) => `/api/v1/download/${encodeURIComponent(name)}`;
 
 export class Recordings {
-  /** @param picture  () => Blob of the picture shown, or null, or a promise of it; @param replay  plays recordings */
-  constructor(picture, replay) {
+  /** @param picture  () => Blob of the picture shown, or null, or a promise of it; @param replay  plays recordings; @param onPlay  one is about to be played */
+  constructor(picture, replay, onPlay) {
+    this.onPlay = onPlay;
     this.picture = picture;
     this.replay = replay;
     this.recording = null; // of the status
@@ -34,8 +37,6 @@ export class Recordings {
 
     onUse($("snapshot"), () => this.snapshot());
     onUse($("record"), () => this.record());
-    onUse($("delete-yes"), () => this.confirmed());
-    $("delete-no").addEventListener("click", () => $("delete").close());
     setInterval(() => this.showElapsed(), 500);
   }
 
@@ -115,6 +116,19 @@ export class Recordings {
     $("h-moments").hidden = !byHand.length;
   }
 
+  /** Shows one, opened. */
+  async open(name) {
+    await this.refresh();
+    const row = this.rows.get(name);
+    if (!row) {
+      toast("This recording is gone: deleted, or removed to make room.");
+      return;
+    }
+    row.node.open = true;
+    row.node.scrollIntoView({ block: "center" });
+    row.node.querySelector("summary").focus();
+  }
+
   /** Newest first; existing rows keep their open state and focus. */
   list(box, entries, build, show) {
     entries.forEach((entry, i) => {
@@ -129,7 +143,7 @@ export class Recordings {
   // --- recordings ---
 
   build(entry) {
-    const row = { when: el("strong", {}), what: el("p", { class: "quiet" }), made: el("p", { class: "made" }),
+    const row = { when: el("strong", {}), what: el("p", { class: "quiet" }), made: el("p", { class: "made" }), picture: el("span", { class: "visit-picture" }),
       badge: el("span", { class: "badge", "data-kind": "bad" }, "recording"), entry };
     const id = `moment-${entry.name}`;
     row.moment = el("input", { type: "datetime-local", step: "1", id });
@@ -144,7 +158,7 @@ export class Recordings {
     onUse(button, () => this.exportMoment(entry.name, row.moment, button, row.made));
     row.play.addEventListener("click", () => this.play(row));
     row.source.addEventListener("change", () => this.showLinks(row));
-    row.node = el("details", { class: "card recording" }, el("summary", {}, row.when, row.badge, row.what),
+    row.node = el("details", { class: "card recording" }, el("summary", {}, row.picture, el("div", {}, row.when, row.badge, row.what)),
       el("div", { class: "take" }, row.play, row.source, row.video, row.all, row.remove),
       el("div", { class: "export" }, el("label", { for: id }, "Moment"), row.moment, button), row.made);
     return row;
@@ -153,9 +167,13 @@ export class Recordings {
   show(row, entry) {
     const from = Date.parse(entry.from), to = Date.parse(entry.to);
     setText(row.when, localTime(entry.from));
-    setText(row.what, [duration((to - from) / 1000), `${number(entry.sets)} sets`, bytes(entry.bytes),
-      entry.why].filter(Boolean).join(" · "));
+    setText(row.what, [stopwatch((to - from) / 1000, true), bytes(entry.bytes), entry.why].filter(Boolean).join(" · "));
     row.badge.hidden = !entry.active;
+    const shown = entry.view && entry.view_from ? entry.view_from : ""; // else nobody watched, and there is no picture
+    if (row.picture.dataset.shown !== shown) {
+      row.picture.dataset.shown = shown;
+      row.picture.replaceChildren(...(shown ? [picture(download(`${entry.name}.jpg`))] : []));
+    }
     row.moment.min = localInput(from);
     row.moment.max = localInput(to);
     if (!row.moment.value) row.moment.value = localInput(from);
@@ -180,6 +198,7 @@ export class Recordings {
 
   async play(row) {
     row.play.setAttribute("aria-busy", "true");
+    this.onPlay();
     try {
       await this.replay.start({ recording: row.entry.name });
     } catch (error) {
@@ -241,17 +260,12 @@ export class Recordings {
     return button;
   }
 
-  askToDelete(entry) {
-    this.doomed = entry;
-    setText($("delete-text"), `The ${kindOf(entry).toLowerCase()} of ${localTime(entry.from ?? entry.time)} (${bytes(entry.bytes)}) is removed from the disk of the service. It cannot be brought back.`);
-    $("delete").showModal();
-  }
-
-  async confirmed() {
-    $("delete").close();
+  async askToDelete(entry) {
+    const which = `${kindOf(entry)} of ${localTime(entry.from ?? entry.time)}`;
+    if (!await sureToDelete(`${which} (${bytes(entry.bytes)}): it is removed from the disk of the service. It cannot be brought back.`)) return;
     try {
-      await post("/api/v1/delete", { name: this.doomed.name });
-      toast(`${kindOf(this.doomed)} of ${localTime(this.doomed.from ?? this.doomed.time)} deleted.`);
+      await post("/api/v1/delete", { name: entry.name });
+      toast(`${which} deleted.`);
       await this.refresh();
     } catch (error) {
       complain(error);

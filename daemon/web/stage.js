@@ -3,6 +3,7 @@
 import { Boxes } from "/web/boxes.js";
 import { CAMERA } from "/web/clear.js";
 import { Overlays } from "/web/overlays.js";
+import { picture } from "/web/portrait.js";
 import { $, complain, el, finite, number, setText, storage, swatch, toast } from "/web/ui.js";
 import { View } from "/web/view.js";
 import { Zoom } from "/web/zoom.js";
@@ -342,7 +343,7 @@ export class Stage {
         this.spare = null;
         complain(why);
       }
-      if (what === "picture" && this.plain) $("canvas-plain").hidden = $("tag-right").hidden = false;
+      if (what === "picture" && this.plain && !this.app.replay.open) this.showRight(true);
     });
     this.plain = this.spare;
     this.plain.change(this.compared());
@@ -358,14 +359,20 @@ export class Stage {
   stopCompare() {
     this.plain?.stop();
     this.plain = null;
-    $("canvas-plain").hidden = true;
     this.showCompare(false);
   }
 
   showCompare(on) {
     $("compare").setAttribute("aria-pressed", on);
-    $("divider").hidden = !on;
-    $("tag-right").hidden = true; // until there is a picture
+    $("divider").hidden = $("canvas-plain").hidden = $("tag-right").hidden = !on;
+    if (on) this.showRight(false);
+  }
+
+  /** The right half is dark until its own picture is there: never the left one's under its name. */
+  showRight(ready) {
+    const { right } = WORDS[this.app.mode];
+    $("canvas-plain").classList.toggle("loading", !ready);
+    setText($("tag-right"), ready ? right : `${right}, loading`);
   }
 
   // --- source and mode ---
@@ -388,7 +395,7 @@ export class Stage {
     this.closePick();
     this.frame.setAttribute("aria-label", `Live picture: arrow keys move a cross-hair, ${words.keys}`);
     $("divider").setAttribute("aria-label", `Divider: ${words.left.toLowerCase()} left, ${words.right.toLowerCase()} right`);
-    setText($("tag-right"), words.right);
+    this.showRight(false);
     $("hint").hidden = storage(words.hint) === "seen";
     this.plain?.change(this.compared());
   }
@@ -445,7 +452,7 @@ export class Stage {
     setText(tag, replay.held ? `Go to ${replay.words(replay.at(), true)}` : this.lost ? "Reconnecting"
       : replay.awaits ? `Computing ${replay.words(replay.at(), true)}` : "Playback");
     this.frame.classList.toggle("stale", replay.awaits || this.lost !== null);
-    if (this.plain) $("canvas-plain").hidden = $("tag-right").hidden = !this.plain.stream.pictures || apart_ms > APART_MS;
+    if (this.plain) this.showRight(this.plain.stream.pictures > 0 && apart_ms <= APART_MS);
   }
 
   /** Delay of the picture on the screen: of the last ones when they were drawn; of one that is late, its age. */
@@ -477,7 +484,7 @@ export class Stage {
     this.frame.classList.toggle("stale", this.lost !== null && age_ms > OLD_MS);
   }
 
-  /** Shows a message in place of the picture: {title, text, todo: [sentence...]}; null: none. */
+  /** Shows a message in place of the picture: {title, text, todo: [sentence...], picture: {url, text}}; null: none. */
   explain(what) {
     const box = $("explain");
     const now = what ? JSON.stringify(what) : "";
@@ -486,7 +493,8 @@ export class Stage {
     if (box.dataset.now === now) return;
     box.dataset.now = now;
     if (!what) return;
-    box.replaceChildren(el("h2", {}, what.title), el("p", {}, what.text),
+    const shown = what.picture && el("div", { class: "explain-picture" }, el("span", { class: "visit-picture" }, picture(what.picture.url)), el("p", { class: "quiet" }, what.picture.text));
+    box.replaceChildren(el("h2", {}, what.title), el("p", {}, what.text), shown ?? "",
       what.todo?.length ? el("ul", {}, ...what.todo.map((line) => el("li", {}, ...codes(line)))) : "");
   }
 }

@@ -134,7 +134,8 @@ class Service:
         self.events, self.log, self.next_view = [], [], 1
         self.recording = None
         self.hour = now().replace(minute=0, second=0, microsecond=0)
-        self.deleted, self.played, self.plays, self.kept_visits = set(), None, 0, set()
+        self.deleted, self.played, self.plays, self.kept_visits, self.reviewed = set(), None, 0, set(), set()
+        self.many = 0  # visits more, one a minute before the others
         self.kept = []
         self.videos = []  # newest first
         self.sessions = [{"session": f"{n:012x}", "role": role, "address": address, "agent": agent, "since": stamp(), "seen": stamp(), "own": n == 1}
@@ -220,10 +221,15 @@ class Service:
             body.append({"visit": f"{at:%Y-%m-%dT%H-%M-%S-000Z}-{9 - n}", "active": False, "hidden": n == 3, "label": label, "from": stamp(at),
                          "to": stamp(at + datetime.timedelta(seconds=12)), "seconds": 12.0, "direction": "left to right", "zones": zones + ["drive"] * (n == 0),
                          "crossed": [{"zone": "drive", "direction": "forward", "seconds": 4.0}] * (n == 0),
-                         "distance_m": 8.2, "nearest_m": 6.1, "nearest_px": 8.0, "box": [0.3, 0.3, 0.5, 0.9],
+                         "distance_m": 8.2, "nearest_m": 6.1, "nearest_px": 8.0, "box": [0.3, 0.3, 0.5, 0.9], "picture_s": 6.0,
                          "path": [[0.4, 0.1, 0.9, 8.0], [6.0, 0.5, 0.95, 6.1], [12.0, 0.9, 0.9, 8.2]], "pictures": ["camera", "seen"]})
+        for n in range(self.many):
+            at = begin - datetime.timedelta(days=3, minutes=n)
+            body.append({**copy.copy(body[n % 3]), "visit": f"{at:%Y-%m-%dT%H-%M-%S-000Z}-{n}", "from": stamp(at), "to": stamp(at + datetime.timedelta(seconds=12)), "crossed": []})
         for visit in body:
             visit["keep"] = visit["visit"] in self.kept_visits
+            visit["reviewed"] = visit["visit"] in self.reviewed
+            visit["reviewed_by"] = [self.role] if visit["reviewed"] else []
         return [visit for visit in body if visit["visit"] not in self.deleted]
 
     def recordings(self):
@@ -399,12 +405,14 @@ class Handler(http.server.BaseHTTPRequestHandler):
             merge(s.patch, body.get("status", {}))
             for name, patch in body.get("cameras", {}).items():
                 s.camera_patch.setdefault(name, {}).update(patch)
-            for key in ("role", "views_max", "refuse", "hold", "old", "computing", "stall", "hold_videos", "tracks"):
+            for key in ("role", "views_max", "refuse", "hold", "old", "computing", "stall", "hold_videos", "tracks", "many"):
                 if key in body:
                     setattr(s, key, body[key])
             for e in body.get("events", []):
                 s.event(e["level"], e["type"], e["message"], e.get("data"),
                         now() - datetime.timedelta(seconds=e.get("ago_s", 0)))
+            if body.get("forget_reviews"):
+                s.reviewed = set()
             if body.get("forget_views"):
                 s.views = {"main": s.views["main"]}
         self.answer(200, {})
@@ -424,13 +432,22 @@ class Handler(http.server.BaseHTTPRequestHandler):
             self.answer(200, {"labels": [{"label": i + 1, "name": n, "colour": c, "share": round(s.world.share[i], 4)}
                                          for i, (n, c) in enumerate(CLASSES)]})
         elif path == "/api/v1/visits":
-            wanted = lambda v: (query.get("label") in (None, v["label"]) and (query.get("zone") is None or query["zone"] in v["zones"])
-                                and query.get("from", "") <= v["to"] and v["from"] <= query.get("to", "9"))
-            self.answer(200, {"visits": [v for v in s.visits() if wanted(v)][:int(query.get("limit", 100))]})
+            limit, newest = int(query.get("limit", 100)), "after" not in query or "before" in query
+            found = [v for v in s.visits() if self.wanted(v, query) and v["visit"] < query.get("before", "9") and v["visit"] > query.get("after", "")]
+            self.answer(200, {"visits": found[:limit] if newest else found[-limit:], "more": len(found) > limit})
+        elif path == "/api/v1/visits/days":
+            days = {}
+            for v in [v for v in s.visits() if self.wanted(v, {key: query[key] for key in ("label", "zone") if key in query})]:
+                day = v["from"][:10]
+                if query.get("from", "") <= day <= query.get("to", "9"):
+                    one = days.setdefault(day, {"day": day, "visits": 0, "reviewed": 0})
+                    one["visits"] += 1
+                    one["reviewed"] += v["reviewed"]
+            self.answer(200, {"days": list(days.values())})
         elif path == "/push-worker.js":
             self.file("push-worker.js")
         elif path == "/api/v1/push":
-            self.answer(200, {"supported": True, "reason": "", "key": VAPID, "subscriptions": 0, "cool_down_s": 30, "sent": 0, "failed": 0, "error": ""})
+            self.answer(200, {"supported": True, "reason": "", "key": VAPID, "subscriptions": 0, "cool_down_s": 30, "sent": 0, "failed": 0})
         elif path == "/api/v1/videos":
             with s.lock:
                 self.answer(200, {"videos": s.videos_json()})
@@ -475,6 +492,12 @@ class Handler(http.server.BaseHTTPRequestHandler):
             self.download(part[3])
         else:
             raise Refused(404, f"there is no {path}")
+
+    @staticmethod
+    def wanted(visit, query):
+        return (query.get("label") in (None, visit["label"]) and (query.get("zone") is None or query["zone"] in visit["zones"])
+                and query.get("from", "") <= visit["to"] and visit["from"] <= query.get("to", "9")
+                and query.get("reviewed", str(visit["reviewed"]).lower()) == str(visit["reviewed"]).lower())
 
     def download(self, name):
         more = [("Content-Disposition", f'attachment; filename="{name}"'), ("ETag", '"0123456789abcdef"')]
@@ -583,17 +606,20 @@ class Handler(http.server.BaseHTTPRequestHandler):
         if path == "/api/v1/logout":
             self.answer(200, {"ended": True})
             return
+        if path == "/api/v1/visits" and "reviewed" in body:
+            s.reviewed = s.reviewed | set(body["visits"]) if body["reviewed"] else s.reviewed - set(body["visits"])
+            self.answer(200, {"changed": len(body["visits"]), "failed": []})
+            return
         if s.role != "control":
             raise Refused(403, "this token is read-only: use the other token to control")
-        if part[:3] == ["api", "v1", "visits"]:
+        if path == "/api/v1/visits":
+            names = set(body["visits"])
             with s.lock:
                 if "delete" in body:
-                    s.deleted.add(part[3])
-                elif body["keep"]:
-                    s.kept_visits.add(part[3])
+                    s.deleted |= names
                 else:
-                    s.kept_visits.discard(part[3])
-            self.answer(200, {"visit": part[3], **body})
+                    s.kept_visits = s.kept_visits | names if body["keep"] else s.kept_visits - names
+            self.answer(200, {"changed": len(names), "failed": []})
             return
         if path == "/api/v1/push":
             self.answer(200, {"subscribed": "delete" not in body})

@@ -47,8 +47,8 @@ class Fake:
         request = urllib.request.Request(self.url + "fake", json.dumps(what).encode(), {"Content-Type": "application/json"})
         urllib.request.urlopen(request, timeout=60).read()
 
-    def visits(self):
-        return json.load(urllib.request.urlopen(self.url + "api/v1/visits", timeout=60))["visits"]
+    def visits(self, query=""):
+        return json.load(urllib.request.urlopen(f"{self.url}api/v1/visits?{query}", timeout=60))["visits"]
 
     def log(self):
         return json.load(urllib.request.urlopen(self.url + "fake", timeout=60))

@@ -8,10 +8,12 @@ from page_bench import check, expect, mode, rest
 
 
 def test_cameras(b, fake):
+    check(b.js("document.querySelector('[role=tab]').id") == "tab-visits", "visits are not the first tab")
+    b.click("#tab-overview")
     fake.set(cameras={"r3c2": {"state": "absent", "reason": "Nothing is plugged into port 2-1.9"}},
              status={"state": "degraded", "reason": "35 of 36 cameras: r3c2 is absent", "capture": {"present": 35}},
              events=[{"level": 1, "type": "camera-lost", "message": "Camera r3c2 was unplugged"}])
-    b.wait("document.querySelector('[data-name=r3c2]').dataset.kind === 'bad'")
+    b.wait("document.querySelector('[data-name=r3c2]')?.dataset.kind === 'bad'")
     check(b.js("document.querySelector('[data-name=r3c2] b').textContent") == "×", "the state is shown by colour alone")
     check("Nothing is plugged" in b.js("document.querySelector('[data-name=r3c2]').title"), "no reason")
     b.wait("document.getElementById('state-word').textContent === 'Degraded'")  # it may have been asked for just before
@@ -39,6 +41,18 @@ def test_events(b, fake):
     fake.set(events=[{"level": 0, "type": "visit", "message": "Pedestrian came in gate", "data": {"label": "Pedestrian", "zones": ["gate"], "active": False}},
                      {"level": 0, "type": "motion", "message": "motion in street began", "data": {"zone": "street"}, "ago_s": 7200}])
     rows = "document.querySelectorAll('#events li').length"
+    visit = fake.visits()[1]["visit"]
+    fake.set(events=[{"level": 0, "type": "visit", "message": "Car came", "data": {"visit": visit, "label": "Car", "zones": [], "active": True}},
+                     {"level": 0, "type": "visit", "message": "somebody came long ago", "data": {"visit": "2020-01-01T00-00-00-000Z-1", "label": "", "zones": [], "active": True}},
+                     {"level": 0, "type": "record-stop", "message": "Recording ended", "data": {"recording": "2020-01-01T00-00-00Z"}}])
+    link = "[...document.querySelectorAll('#events li')].find((n) => n.textContent.includes('Car came'))"
+    b.wait(f"{link}?.querySelector('[data-drawn]') instanceof Node")
+    check(b.js("[...document.querySelectorAll('#events li')].find((n) => n.textContent.includes('long ago')).querySelector('a, canvas') === null"), "a visit that is gone has a link")
+    b.js(f"{link}.querySelector('span a').click()")
+    b.wait("document.getElementById('visit').open && document.getElementById('visit-title').textContent.includes('Car')")
+    b.click("#visit-close")
+    b.wait("location.hash === ''")
+    b.click("#tab-events")
     choose = lambda name, value: b.js(f"(() => {{ const s = document.getElementById('events-{name}'); s.value = '{value}'; s.dispatchEvent(new Event('change')); }})()")
     b.wait("document.querySelectorAll('#events-zone option').length === 3")
     choose("zone", "street")
@@ -62,6 +76,8 @@ def test_recordings(b, fake):
     b.click("#record")
     check(expect(lambda: len(fake.posts("/api/v1/record")) == 2), "recording does not stop")
     b.wait("document.querySelectorAll('.recording').length === 4")
+    b.wait("document.querySelectorAll('.recording summary [data-drawn]').length > 1")
+    check("00:0" in b.js("document.querySelector('.recording summary').textContent") and "sets" not in b.js("document.getElementById('recordings').textContent"), "no length")
     b.click(".recording:last-child summary")
     b.wait("document.querySelector('.recording:last-child').open")
     check(b.js("[...document.querySelectorAll('.recording:last-child .take a')].map((a) => a.download.slice(20)).join()") == ".mkv,.tar",
@@ -98,7 +114,7 @@ def test_visits(b, fake):
     """Cards of who came, filtered; one opens large, and leads to the recording of that moment."""
     b.click("#tab-visits")
     cards = "document.querySelectorAll('#visits .visit')"
-    b.wait(f"{cards}.length === 4 && [...document.querySelectorAll('#visits img')].some((i) => i.naturalWidth > 0)")
+    b.wait(f"{cards}.length === 4 && document.querySelector('#visits [data-drawn=seen]') !== null")
     text = b.js("document.querySelector('#visits .visit').textContent")
     check("Pedestrian" in text and "left to right" in text and "gate" in text and "6.1 m" in text, f"the card says {text}")
     check("gate, crossed drive forward" in text, f"the card of who crossed a line says {text}")
@@ -152,9 +168,14 @@ def test_visits(b, fake):
 
 def test_timeline(b, fake):
     """A day below the picture: visits and recordings on it; a moment is chosen by keys or a click, and plays."""
-    check(b.js("document.getElementById('timeline').hidden"), "a timeline beside the cameras")
+    b.wait("document.getElementById('timeline').hidden")  # beside the cameras
     b.click("#tab-visits")
-    b.wait("!document.getElementById('timeline').hidden")
+    b.wait("!document.getElementById('timeline').hidden && document.querySelectorAll('#day-ticks span').length > 2")
+    check(b.js("new Set([...document.querySelectorAll('#day-ticks span')].map((n) => n.textContent.replace(/:.*/, ''))).size") <= 2, "it does not open on an hour")
+    for _ in range(5):
+        if not b.js("document.getElementById('day-farther').disabled"):
+            b.click("#day-farther")
+    check(b.js("document.getElementById('day-farther').disabled"), "the day does not become whole")
     time.sleep(1)
     if not b.js("document.querySelectorAll('.day .visited').length"):
         b.click("#day-before")  # it is shortly after midnight
@@ -166,6 +187,13 @@ def test_timeline(b, fake):
     check("Pedestrian" in said and "recorded" in said and "not recorded" not in said, f"the moment is {said}")
     left = b.js("parseFloat(document.querySelector('.day .cursor').style.left)")
     x, y, w, h = b.box("#day")
+    b.mouse("mouseMoved", x - w / 2 + w * left / 100 + 1, y)
+    b.wait("document.querySelector('#day-cursor-picture [data-drawn]') && !document.getElementById('day-cursor').hidden")
+    check("Pedestrian" in b.js("document.getElementById('day-cursor-text').textContent"), "the pointer names no visit")
+    before = b.js("document.getElementById('day').getAttribute('aria-valuetext')")
+    b.key("+", 107, "+")
+    check(b.js("!document.getElementById('day-farther').disabled"), f"the key does not stretch the day: {before}")
+    b.key("-", 109, "-")
     for _ in range(4):
         b.mouse("mouseWheel", x - w / 2 + w * left / 100, y, deltaX=0, deltaY=-100)
     b.wait("Number(document.querySelectorAll('#day-ticks span').length) > 2")
@@ -181,6 +209,115 @@ def test_timeline(b, fake):
     b.wait("document.getElementById('replay').hidden")
     b.click("#tab-overview")
     b.wait("document.getElementById('timeline').hidden")
+
+
+def test_review(b, fake):
+    """A night of many visits is reviewed with keys alone; many are chosen and deleted at once; the page holds few of the cards."""
+    cards = "document.querySelectorAll('#visits .visit').length"
+    counts = "['all', 'new', 'done'].map((n) => document.getElementById('visits-' + n).textContent).join()"
+    at = "document.activeElement.closest('.visit')?.ariaPosInSet"
+    posts = lambda: fake.posts("/api/v1/visits")
+    fake.set(many=300)
+    b.click("#tab-visits")
+    total = len(fake.visits("limit=1000"))
+    b.js("document.activeElement.blur()")
+    b.wait(f"{counts} === '{total},{total},0'")
+    b.key("Home", 36)
+    b.wait(f"{at} === '1'")
+    b.key("j", 74, "j")
+    b.wait(f"{at} === '2'")
+    b.key("k", 75, "k")
+    b.wait(f"{at} === '1'")
+    for _ in range(3):
+        b.key("r", 82, "r")
+    b.wait(f"{counts} === '{total},{total - 3},3' && {at} === '4'")
+    check([len(p["visits"]) for p in posts() if p.get("reviewed")] == [1, 1, 1], f"sent: {posts()[-3:]}")
+    b.key("u", 85, "u")  # to review
+    b.wait(f"document.querySelector('#visits .visit')?.ariaSetSize === '60'")
+    loaded = "Number(document.querySelector('#visits .visit')?.ariaSetSize ?? 0)"
+    check(expect(lambda: b.key("End", 35) or b.js(loaded) >= 180), f"{b.js(loaded)} cards are loaded")
+    b.wait(f"{at} && {loaded} - {at} <= 60")
+    check(b.js(cards) < 60, f"{b.js(cards)} cards are in the page")
+    place = int(b.js(at))
+    b.key("k", 75, "k")
+    b.wait(f"{at} === '{place - 1}'")
+    b.key("x", 88, "x")
+    b.wait("document.getElementById('selection-count').textContent === '1 selected'")
+    b.call("Input.dispatchKeyEvent", type="rawKeyDown", key="ArrowUp", windowsVirtualKeyCode=38, modifiers=8)
+    b.wait("document.getElementById('selection-count').textContent === '3 selected'")
+    b.key("Delete", 46)
+    b.wait("document.getElementById('delete').open && document.getElementById('delete-text').textContent.includes('3 visits')")
+    b.key("Escape", 27)
+    b.wait("!document.getElementById('delete').open")
+    check(not any("delete" in p for p in posts()[-1:]), "deleted without a yes")
+    b.key("Delete", 46)
+    b.wait("document.getElementById('delete').open")
+    b.key("Delete", 46)
+    b.wait(f"document.getElementById('selection').hidden && {counts} === '{total - 3},{total - 6},3'")
+    check(len(posts()[-1]["visits"]) == 3 and posts()[-1]["delete"] is True, f"sent: {posts()[-1]}")
+    b.key("u", 85, "u")
+    b.wait(f"{cards} === 3")  # reviewed
+    b.key("Home", 36)
+    b.key("Enter", 13, "\r")
+    b.wait("!document.getElementById('replay').hidden")
+    b.key("l", 76, "l")
+    b.wait("document.getElementById('replay').hidden")
+    b.key("j", 74, "j")
+    b.key("Enter", 13, "\r")  # nothing was recorded then
+    b.wait("document.getElementById('toasts').textContent.includes('not recorded')")
+    check(b.js("[...document.querySelectorAll('.visit-flag')].map((n) => n.textContent).join()") == ",No recording,No recording", "a card does not say that its recording is gone")
+    b.key("?", 191, "?")
+    b.wait("document.getElementById('keys').open && document.getElementById('key-list').textContent.includes('reviewed, and to the next')")
+    b.key("Escape", 27)
+    b.key("u", 85, "u")
+    b.js("document.getElementById('panel-visits').scrollTop = 0; document.getElementById('toasts').replaceChildren()")
+    b.wait(f"document.querySelector('#visits .visit')?.ariaPosInSet === '1' && {cards} > 8")
+    click = lambda n, **more: [b.mouse(kind, *b.at_rest(f"#visits .visit:nth-child({n}) .visit-picture")[:2], button="left", clickCount=1, **more) for kind in ("mousePressed", "mouseReleased")]
+    click(2, modifiers=2)
+    click(4, modifiers=8)
+    b.wait("document.getElementById('selection-count').textContent === '3 selected'")
+    b.click("#selection [data-action=reviewed]")
+    check(expect(lambda: posts()[-1].get("reviewed") is True and len(posts()[-1]["visits"]) == 3), f"sent: {posts()[-1]}")
+    b.click("#selection-clear")
+    b.wait("document.getElementById('selection').hidden")
+    b.mouse("mouseMoved", *b.at_rest("#visits .visit:nth-child(2) .visit-picture")[:2])
+    b.wait("[...document.querySelectorAll('#visits .visit-other')].some((n) => n.checkVisibility())")
+    b.mouse("mouseMoved", 5, 5)
+    b.wait("document.querySelector('#visits .visit-other') === null")
+    fake.set(role="view")  # viewers review
+    b.wait("document.querySelector('#visits [data-action=keep]').getAttribute('aria-disabled') === 'true'")
+    count = len(posts())
+    b.click("#visits .visit:nth-child(6) [data-action=keep]")
+    b.click("#visits .visit:nth-child(6) [data-action=reviewed]")
+    check(expect(lambda: len(posts()) == count + 1 and posts()[-1].get("reviewed") is True), f"sent: {posts()[count:]}")
+    fake.set(role="control", many=0)
+    b.wait("!document.querySelector('#visits [data-action=keep]').hasAttribute('aria-disabled')")
+    b.js("document.getElementById('toasts').replaceChildren()")
+    fake.set(forget_reviews=True)
+    b.click("#tab-overview")
+
+
+def test_calendar(b, fake):
+    """A month with dots on days with visits; a day is chosen by keys, for the list and the strip below the picture."""
+    b.click("#tab-visits")
+    b.click("#calendar-open")
+    b.wait("document.getElementById('calendar').matches(':popover-open') && document.querySelector('#calendar [data-dot=new]') !== null")
+    day = fake.visits()[0]["visit"][:10]
+    check(b.js(f"document.querySelector('#calendar [data-day=\"{day}\"]')?.ariaLabel.includes('to review')") in (True, None), "a day does not say what is to be reviewed")
+    today = b.js("document.activeElement.dataset.day")
+    b.key("ArrowLeft", 37)
+    b.wait(f"document.activeElement.dataset.day && document.activeElement.dataset.day < '{today}'")
+    chosen = b.js("document.activeElement.dataset.day")
+    b.key("Enter", 13, "\r")
+    b.wait(f"document.getElementById('visits-day').value === '{chosen}' && !document.getElementById('calendar').matches(':popover-open')")
+    check(expect(lambda: [r for r in fake.log() if r["path"] == "/api/v1/visits" and "from" in r["query"] and "to" in r["query"]]), "the list is of other days")
+    name = "document.getElementById('day-name').textContent"
+    before = b.js(name)
+    b.click("#day-name")
+    b.wait("document.getElementById('calendar').matches(':popover-open')")
+    b.click("#calendar-all")
+    b.wait(f"document.getElementById('visits-day').value === '' && {name} !== {json.dumps(before)}")
+    b.click("#tab-overview")
 
 
 def test_notify(b, fake):
@@ -256,7 +393,7 @@ def test_replay(b, fake):
     b.click("#overlay label:nth-of-type(1)")
     b.click("#compare")
     b.wait("!document.getElementById('canvas-plain').hidden")
-    check(len({r["path"] for r in replayed("/stream/")}) > 1, "the compared picture is of another time")
+    check(expect(lambda: len({r["path"] for r in replayed("/stream/")}) > 1), "the compared picture is of another time")
     b.click("#compare")
     before = len(fake.posts("/api/v1/export"))
     b.click("#snapshot")
@@ -528,4 +665,4 @@ def test_push(b, fake):
     b.click("#tab-overview")
 
 
-TESTS = [test_cameras, test_events, test_recordings, test_visits, test_video, test_timeline, test_notify, test_push, test_replay, test_replay_waits, test_zones]
+TESTS = [test_cameras, test_events, test_recordings, test_visits, test_review, test_calendar, test_video, test_timeline, test_notify, test_push, test_replay, test_replay_waits, test_zones]

@@ -109,8 +109,7 @@ def test_marks(b, fake):
 def test_compare_camera(b, fake):
     b.click("#compare")
     check(expect(lambda: any(p.get("cut_px") == 9999 and not p.get("tint") for p in fake.posts("/api/v1/views")[-1:])), "no camera")
-    b.wait("!document.getElementById('canvas-plain').hidden")
-    check(b.js("document.getElementById('tag-right').textContent") == "Camera", "not called camera")
+    b.wait("!document.getElementById('canvas-plain').hidden && document.getElementById('tag-right').textContent === 'Camera'")
     count = len(fake.posts("/api/v1/views"))
     b.js("document.getElementById('outline').click()")
     check(expect(lambda: len(fake.posts("/api/v1/views")) == count + 1), "no outline, or one in the camera's picture")

@@ -1,5 +1,6 @@
 """The page as a whole: hints, who may do what, states of the service, other tabs and screens: tests of test_page.py."""
 import json
+import time
 
 from page_bench import check, expect, fresh, last, mode, reload, rest, zoomed
 
@@ -121,7 +122,7 @@ def test_storage(b, fake):
     fake.set(status={"storage": {"state": "LOW", "limit": "quota", "reason": "the oldest are removed"}})
     b.wait(f"{free}.title === '188 GB of 400 GB; the oldest are removed'")
     check(b.js(f"{free}.dataset.kind") == "", "LOW by the quota warns")
-    check(b.js(f"{free}.textContent") == "47 %", f"the header says {b.js(f'{free}.textContent')}")
+    check(b.js(f"{free}.textContent") == "47 %" and b.js("document.getElementById('v-free-name').textContent") == "Disk used", f"the header says {b.js(f'{free}.textContent')}")
     fake.set(status={"storage": {"limit": "disk"}})
     b.wait(f"{free}.dataset.kind === 'warn'")
     fake.set(status={"storage": {"state": "FULL", "limit": "quota"}})
@@ -309,6 +310,13 @@ def test_phone(b, fake):
     for tab in ("overview", "health", "events", "recordings", "visits"):
         b.click(f"#tab-{tab}")
         check(b.js("document.documentElement.scrollWidth <= 390"), f"{tab} scrolls sideways")
+    hold = lambda n, s: [b.touch("touchStart", b.at_rest(f"#visits .visit:nth-child({n}) .visit-picture")[:2]), time.sleep(s), b.touch("touchEnd")]
+    b.js("document.querySelector('#visits .visit').scrollIntoView({block: 'end'})")
+    hold(1, 0.8)  # a finger that stays selects, then others do by a tap
+    b.wait("document.getElementById('selection-count').textContent === '1 selected' && !document.getElementById('visit').open")
+    hold(2, 0)
+    b.wait("document.getElementById('selection-count').textContent === '2 selected' && !document.getElementById('visit').open")
+    b.js("document.querySelector('#selection-clear').click()")
     b.click("#tab-overview")
     b.js("scrollTo(0, 0)")
     x, y, w, h = b.box("#stage")

@@ -1,0 +1,94 @@
+// Cards without end in a grid: only the ones near the view are in the page, at their places.
+
+const ROWS_BEYOND = 2; // above and below the view
+
+export class Cards {
+  /** @param box  the grid: all cards are as high as the first
+   *  @param card  {build() => {node}, show(row, item), drop(row): it leaves the page}
+   *  @param onEnd  the last card is near the view */
+  constructor(box, card, onEnd) {
+    this.box = box;
+    this.card = card;
+    this.onEnd = onEnd;
+    this.items = []; // {visit: key, ...}
+    this.rows = new Map();
+    this.height = 0; // of a row of cards with its gap
+    this.width = 0;
+    const later = () => { this.frame ??= requestAnimationFrame(() => this.draw()); };
+    document.addEventListener("scroll", later, { capture: true, passive: true });
+    new ResizeObserver(() => {
+      if (box.clientWidth === this.width) return; // it is as high as its cards
+      this.width = box.clientWidth;
+      this.height = 0;
+      later();
+    }).observe(box);
+  }
+
+  set(items) {
+    this.items = items;
+    this.draw();
+  }
+
+  columns() {
+    return Math.max(getComputedStyle(this.box).gridTemplateColumns.split(" ").length, 1);
+  }
+
+  /** Draws the cards near the view, and moves to none. */
+  draw() {
+    cancelAnimationFrame(this.frame);
+    this.frame = null;
+    if (!this.box.checkVisibility()) return;
+    if (!this.height && this.items.length) this.measure();
+    const columns = this.columns();
+    const rows = Math.ceil(this.items.length / columns);
+    const top = this.box.getBoundingClientRect().top;
+    const first = Math.min(Math.max(Math.floor(-top / this.height) - ROWS_BEYOND, 0), Math.max(rows - 1, 0)) || 0;
+    const last = Math.min(Math.ceil((innerHeight - top) / this.height) + ROWS_BEYOND, rows) || 0;
+    this.fill(first * columns, Math.max(last, first + 1) * columns);
+    this.box.style.paddingTop = `${first * this.height}px`;
+    this.box.style.paddingBottom = `${Math.max(rows - Math.max(last, first + 1), 0) * this.height}px`;
+    if (this.items.length && last >= rows - ROWS_BEYOND) this.onEnd();
+  }
+
+  measure() {
+    if (!this.rows.size) this.fill(0, this.columns());
+    const node = this.box.firstElementChild;
+    this.height = node.offsetHeight + parseFloat(getComputedStyle(this.box).rowGap || 0);
+  }
+
+  /** Cards of items from one place to before another. */
+  fill(from, to) {
+    const shown = this.items.slice(from, to);
+    const wanted = new Set(shown.map((item) => item.visit));
+    for (const [key, row] of this.rows)
+      if (!wanted.has(key)) {
+        this.card.drop(row);
+        row.node.remove();
+        this.rows.delete(key);
+      }
+    shown.forEach((item, i) => {
+      let row = this.rows.get(item.visit);
+      if (!row) this.rows.set(item.visit, row = this.card.build());
+      if (this.box.children[i] !== row.node) this.box.insertBefore(row.node, this.box.children[i] ?? null);
+      row.node.setAttribute("aria-posinset", from + i + 1);
+      row.node.setAttribute("aria-setsize", this.items.length);
+      this.card.show(row, item);
+    });
+  }
+
+  /** The card of an item, scrolled into view; null: there is none. */
+  reveal(key) {
+    const at = this.items.findIndex((item) => item.visit === key);
+    if (at < 0) return null;
+    if (!this.rows.has(key)) {
+      const place = this.box.getBoundingClientRect().top + Math.floor(at / this.columns()) * this.height;
+      const panel = this.box.closest(".panel");
+      const scroller = panel.scrollHeight > panel.clientHeight && getComputedStyle(panel).overflowY !== "visible" ? panel : document.scrollingElement;
+      scroller.scrollTop += place - innerHeight / 2;
+      this.draw();
+    }
+    const row = this.rows.get(key) ?? null;
+    row?.node.scrollIntoView({ block: "nearest" });
+    return row;
+  }
+}

@@ -1,0 +1,93 @@
+#!/usr/bin/env python3
+"""Memory and frames of the page with many visits, in a headless Chromium: bench_visits.py PICTURES [VISITS]
+
+PICTURES is a folder of tests/page/pictures.sh, VISITS how many (500). Not in the gate: figures of an idle machine. Scrolls through all cards
+with the wheel, and prints
+
+- the memory of the page's renderer process (private: PSS without what is shared) and of its JavaScript heap, before and after, and how many cards the page holds;
+- frames a second while it scrolls, as requestAnimationFrame counts them, and the longest frame.
+"""
+import sys
+import time
+
+import cdp
+from page_bench import Fake
+
+FRAMES = """window.frames = []; window.counting = true;
+(function count(at) { window.frames.push(at); if (window.counting) requestAnimationFrame(count); })(performance.now());"""
+
+
+def renderer_mb(b):
+    """The largest renderer of this browser, in MB: private and its share of the rest."""
+    return max((pss(p) for p in children(b.process.pid)), default=0) / 1024
+
+
+def children(pid):
+    """Renderer processes below one."""
+    found, todo = [], [pid]
+    while todo:
+        for task in open(f"/proc/{todo[0]}/task/{todo[0]}/children", encoding="utf8").read().split():
+            todo.append(int(task))
+            if "--type=renderer" in open(f"/proc/{task}/cmdline", encoding="utf8").read():
+                found.append(int(task))
+        todo.pop(0)
+    return found
+
+
+def pss(pid):
+    """kB."""
+    return next(int(line.split()[1]) for line in open(f"/proc/{pid}/smaps_rollup", encoding="utf8") if line.startswith("Pss:"))
+
+
+def heap_mb(b):
+    return b.call("Runtime.getHeapUsage")["usedSize"] / 1e6
+
+
+def busy_s(b):
+    """Work of the main thread so far."""
+    return next(m["value"] for m in b.call("Performance.getMetrics")["metrics"] if m["name"] == "TaskDuration")
+
+
+def main():
+    visits = int(sys.argv[2]) if len(sys.argv) > 2 else 500
+    fake = Fake(sys.argv[1])
+    fake.start()
+    b = cdp.Browser()
+    try:
+        b.size(1440, 900)
+        b.go(fake.url)
+        b.wait("document.readyState === 'complete' && document.querySelectorAll('#visits .visit').length > 0")
+        time.sleep(3)
+        before = renderer_mb(b), heap_mb(b)
+        fake.set(many=visits - len(fake.visits()))
+        b.js("document.querySelector('#visits-reviewed [value=false]').click()")
+        b.wait("Number(document.querySelector('#visits .visit')?.ariaSetSize) === 60")
+        box = b.box("#panel-visits")
+        b.call("Performance.enable")
+        work = busy_s(b)
+        b.js(FRAMES)
+        begin = time.time()
+        while b.js("Number([...document.querySelectorAll('#visits .visit')].at(-1).ariaPosInSet)") < visits and time.time() < begin + 120:
+            for _ in range(10):
+                b.mouse("mouseWheel", box[0], box[1], deltaX=0, deltaY=120)
+                time.sleep(0.016)
+        took = time.time() - begin
+        frames = b.js("window.counting = false; window.frames")
+        work = busy_s(b) - work
+        gaps = sorted(b - a for a, b in zip(frames, frames[1:]))
+        cards = b.js("document.querySelectorAll('#visits .visit').length")
+        images = b.js("document.querySelectorAll('.portrait').length")
+        time.sleep(2)
+        print(f"before     {before[0]:6.1f} MB renderer {before[1]:6.1f} MB heap")
+        print(f"{visits} visits {renderer_mb(b):6.1f} MB renderer {heap_mb(b):6.1f} MB heap, {cards} cards and {images} pictures in the page")
+        b.call("HeapProfiler.collectGarbage")
+        print(f"collected  {renderer_mb(b):6.1f} MB renderer {heap_mb(b):6.1f} MB heap")
+        print(f"scrolling  {took:.1f} s, {len(gaps) / (sum(gaps) / 1000):.1f} frames/s, median {gaps[len(gaps) // 2]:.1f} ms, "
+              f"99 % within {gaps[len(gaps) * 99 // 100]:.1f} ms, longest {gaps[-1]:.1f} ms; {1000 * work / len(gaps):.1f} ms of the main thread's work for each")
+    finally:
+        b.close()
+        fake.stop()
+
+
+if __name__ == "__main__":
+    main()
