@@ -35,21 +35,36 @@ static bool agrees(const struct neighbour *n, int x, int y, int d_q6)
     return there != (int)SST_DISP_NONE && abs(there - d_q6) <= AGREE_Q6;
 }
 
-static bool agrees_with_any(const struct neighbours *n, int x, int y, int d_q6)
+/* Does view n agree at one of the whole disparities below `steps`? Points of a view lie along a line, so that its
+ * pixels are in the cache where the views are gone through one by one. */
+static bool agrees_somewhere(const struct neighbour *n, int x, int y, int steps)
 {
-    for (int i = 0; i < n->count; i++) {
-        if (agrees(&n->view[i], x, y, d_q6))
-            return true;
+    const int width = n->disp->width, height = n->disp->height;
+    int64_t across = n->across.at, down = n->down.at;
+
+    for (int d = 0; d < steps; d++) {
+        const int xn = x + (int)(across >> 16), yn = y + (int)(down >> 16);
+
+        if ((unsigned)xn < (unsigned)width && (unsigned)yn < (unsigned)height) {
+            const int there = sst_map_u16_row(n->disp, yn)[xn];
+
+            if (there != (int)SST_DISP_NONE && abs(there - d * (int)SST_DISP_SCALE) <= AGREE_Q6)
+                return true;
+        }
+        across += n->across.step * (int64_t)SST_DISP_SCALE;
+        down += n->down.step * (int64_t)SST_DISP_SCALE;
     }
     return false;
 }
 
 static uint8_t check_pixel(const struct neighbours *n, int x, int y, uint16_t d_q6, int steps)
 {
-    if (d_q6 != SST_DISP_NONE && agrees_with_any(n, x, y, d_q6))
-        return SST_DISPARITY_CORRECT;
-    for (int d = 0; d < steps; d++) {
-        if (agrees_with_any(n, x, y, d * (int)SST_DISP_SCALE))
+    for (int i = 0; i < n->count && d_q6 != SST_DISP_NONE; i++) {
+        if (agrees(&n->view[i], x, y, d_q6))
+            return SST_DISPARITY_CORRECT;
+    }
+    for (int i = 0; i < n->count; i++) {
+        if (agrees_somewhere(&n->view[i], x, y, steps))
             return SST_DISPARITY_MISMATCH;
     }
     return SST_DISPARITY_OCCLUSION;
@@ -217,12 +232,13 @@ static const int8_t direction[DIRECTIONS][2] = { { 2, 0 },  { 2, 1 },  { 2, 2 },
                                                  { -2, 2 }, { -2, 1 }, { -2, 0 }, { -2, -1 }, { -2, -2 }, { -1, -2 },
                                                  { 0, -2 }, { 1, -2 }, { 2, -2 }, { 2, -1 } };
 
-/* Places that a direction has from a coordinate on before the picture ends; places r are step * r / 2 away. */
+/* Places that a direction has from a coordinate on before the picture ends; places r are step * r / 2 away. A step has
+ * one or two pixels. */
 static int places(int from, int step, int size)
 {
     if (!step)
         return INT_MAX;
-    return step > 0 ? (2 * (size - 1 - from) + 1) / step : (2 * from + 1) / -step;
+    return step > 0 ? (2 * (size - 1 - from) + 1) >> (step - 1) : (2 * from + 1) >> (-step - 1);
 }
 
 /* Median of the nearest correct pixels in all directions (lower one of an even number); NONE if there is none. */
