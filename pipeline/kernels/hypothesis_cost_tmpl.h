@@ -61,6 +61,7 @@ struct KERNEL(hypothesis_views) {
     __m256i x[HYPOTHESIS_PARTS], y[HYPOTHESIS_PARTS], dx[HYPOTHESIS_PARTS], dy[HYPOTHESIS_PARTS];
     __m256i used[HYPOTHESIS_PARTS], right, bottom; /* last column and row */
     ptrdiff_t stride;
+    int parts; /* that have views */
 };
 
 static inline __m256i KERNEL(hypothesis_load)(const int32_t *from)
@@ -78,6 +79,7 @@ static inline void KERNEL(hypothesis_views_init)(struct KERNEL(hypothesis_views)
         used[k] = k < t->views ? -1 : 0;
     }
     v->stride = t->own.stride;
+    v->parts = (t->views + 7) / 8;
     for (int i = 0; i < HYPOTHESIS_PARTS; i++) {
         v->x[i] = KERNEL(hypothesis_load)(t->x + 8 * i);
         v->y[i] = KERNEL(hypothesis_load)(t->y + 8 * i);
@@ -108,7 +110,7 @@ static inline void KERNEL(hypothesis_place)(int32_t *offset, __m256i inside[HYPO
     const __m256i disp = _mm256_set1_epi32(d), own_x = _mm256_set1_epi32(x), own_y = _mm256_set1_epi32(y);
     const __m256i stride = _mm256_set1_epi32((int)v->stride);
 
-    for (int i = 0; i < HYPOTHESIS_PARTS; i++) {
+    for (int i = 0; i < v->parts; i++) {
         const __m256i at_x = _mm256_add_epi32(own_x, KERNEL(hypothesis_moved)(v->x[i], v->dx[i], disp));
         const __m256i at_y = _mm256_add_epi32(own_y, KERNEL(hypothesis_moved)(v->y[i], v->dy[i], disp));
         const __m256i at = _mm256_add_epi32(_mm256_mullo_epi32(at_y, stride), at_x);
@@ -200,7 +202,9 @@ static inline unsigned KERNEL(hypothesis_cost)(const struct KERNEL(hypothesis_vi
     const bool ahead = !(x & HYPOTHESIS_AHEAD);
 
     KERNEL(hypothesis_place)(offset, inside, v, x, y, d);
-    for (int i = 0; i < HYPOTHESIS_PARTS; i++) {
+    for (int i = v->parts; i < HYPOTHESIS_PARTS; i++)
+        costs[i] = _mm_set1_epi16(-1);
+    for (int i = 0; i < v->parts; i++) {
         __m128i pixels[2];
         const __m128i first = KERNEL(hypothesis_four)(v, w, offset, 8 * i, ahead, &pixels[0]);
         const __m128i second = KERNEL(hypothesis_four)(v, w, offset, 8 * i + 4, ahead, &pixels[1]);
