@@ -29,8 +29,8 @@ struct sst_consensus_view {
 
 /**
  * The first consensus of a block at a plane: of the colours of the first SST_CONSENSUS_SEEDS views the one around which
- * the others are densest (SST_CONSENSUS_REACH - difference, means of four views each, added), replaced by the mean of
- * the views that agree with it.
+ * all are densest (SST_CONSENSUS_REACH - difference: of the seeds a quarter of the sum, which saturates at 255, of the
+ * others means of four views each, added), replaced by the mean of the views that agree with it.
  *
  * @param out  R, G, B, and a cost of 0..SST_CONSENSUS_SPARE that falls with the density; 255: fewer than two views see
  * it
@@ -65,15 +65,17 @@ typedef void sst_consensus_cost_row_fn(uint8_t *cost, const uint8_t *const own[3
 #define SST_CONSENSUS_MOST 85 /* cost of a pixel at most: three make a byte */
 
 /** Planes of blocks of SST_CONSENSUS_BLOCK pixels of a row. Kernels read and write no other planes, but for neighbours
- * where a member says so. */
+ * where a member says so. A packed row has them block by block: [blocks][planes][SST_CONSENSUS_BLOCK], by place in the
+ * list. */
 struct sst_consensus_listed {
     const uint8_t *plane; /* [blocks][planes], ascending */
     const uint8_t *count; /* [blocks], at least 1 */
 };
 
-/** Costs of a row, [planes][stride], up to SST_CONSENSUS_MOST. */
+/** Costs of a row, up to SST_CONSENSUS_MOST. */
 struct sst_consensus_rows {
-    const uint8_t *above, *own, *below; /* readable a pixel to both sides, at the planes of the pixel in the middle */
+    const uint8_t *above, *own, *below; /* [planes][stride]; readable a pixel to both sides, at the planes of the pixel
+                                           in the middle */
     const uint8_t *step[8];             /* colour steps to the pixels around, row by row; 255: not there */
     uint8_t alike;                      /* pixels up to this step count, at most 254 */
     struct sst_consensus_listed listed;
@@ -81,19 +83,22 @@ struct sst_consensus_rows {
     size_t stride;
 };
 
-/** Mean costs over the pixels of 3x3 that look like the middle. @param mean  out, [planes][stride] */
+/** Mean costs over the pixels of 3x3 that look like the middle. @param mean  out, packed */
 typedef void sst_consensus_mean_row_fn(uint8_t *mean, const struct sst_consensus_rows *rows, size_t n);
+
+/** The plane of the least of these means, the first of equal ones, and that mean. @param out  plane, mean; [n] */
+typedef void sst_consensus_least_row_fn(uint8_t *const out[2], const struct sst_consensus_rows *rows, size_t n);
 
 /** Two paths along the diagonals from the row before to this one: from the left, from the right. */
 struct sst_consensus_paths {
-    const uint8_t *cost;                    /* [planes][stride] */
+    const uint8_t *cost;                    /* packed */
     const uint8_t *from[2], *from_least[2]; /* of the row before, [planes][stride] and [stride]; readable a pixel
                                                beside, and at neighbours of the block's planes */
     uint8_t *to[2], *least[2];              /* out, of this row; not the memory of the row before */
     const uint8_t *step[2];                 /* colour steps from the pixels of the row before, [stride] */
     uint8_t p1, p2;                         /* penalties of a step of one plane, of larger ones ... */
     uint8_t edge, p2_edge;                  /* ... of larger ones at colour steps above `edge` */
-    uint8_t *mean;                          /* out, of both paths, rounded up, [planes][stride] */
+    uint8_t *mean;                          /* out, of both paths, rounded up, packed */
     struct sst_consensus_listed listed;
     int planes;
     size_t stride;
@@ -104,14 +109,12 @@ typedef void sst_consensus_path_row_fn(const struct sst_consensus_paths *paths, 
 
 /** The cheapest plane of each pixel, the first of equal ones. */
 struct sst_consensus_choice {
-    const uint8_t *sum[2]; /* added, at most 255; the second one: NULL: none; [planes][stride] */
-    const uint8_t *cost;   /* likewise */
+    const uint8_t *sum[2]; /* packed; added, at most 255 */
+    const uint8_t *cost;   /* packed */
     struct sst_consensus_listed listed;
-    int planes; /* 1..255 */
-    size_t stride;
+    int planes;                     /* 1..255 */
     uint8_t *plane;                 /* out */
-    uint8_t *before, *sums, *after; /* out: sums of the plane before it, its own, of the plane after it; 255: none; or
-                                       all NULL */
+    uint8_t *before, *sums, *after; /* out: sums of the plane before it, its own, of the plane after it; 255: none */
     uint8_t *costs;                 /* out: its cost */
 };
 typedef void sst_consensus_choose_row_fn(const struct sst_consensus_choice *choice, size_t n);

@@ -12,34 +12,62 @@ void sst_consensus_cost_row_ref(uint8_t *cost, const uint8_t *const own[3], cons
     }
 }
 
-/* Planes of pixel x. */
-static const uint8_t *listed_at(const struct sst_consensus_listed *l, int planes, size_t x, int *count)
+/* Planes of pixel x, and where a packed row has it at the first of them. */
+static const uint8_t *listed_at(const struct sst_consensus_listed *l, int planes, size_t x, int *count, size_t *packed)
 {
-    *count = l->count[x / SST_CONSENSUS_BLOCK];
-    return l->plane + x / SST_CONSENSUS_BLOCK * (size_t)planes;
+    const size_t block = x / SST_CONSENSUS_BLOCK;
+
+    *count = l->count[block];
+    *packed = block * (size_t)planes * SST_CONSENSUS_BLOCK + x % SST_CONSENSUS_BLOCK;
+    return l->plane + block * (size_t)planes;
+}
+
+static uint8_t mean_at(const struct sst_consensus_rows *r, size_t x, int plane)
+{
+    const size_t at = (size_t)plane * r->stride + x;
+    const uint8_t *row[3] = { r->above + at, r->own + at, r->below + at };
+    unsigned sum = row[1][0], count = 1;
+
+    for (int i = 0, k = 0; i < 9; i++) {
+        if (i == 4)
+            continue;
+        if (r->step[k][x] <= r->alike) {
+            sum += row[i / 3][i % 3 - 1];
+            count++;
+        }
+        k++;
+    }
+    return (uint8_t)(sum * sst_consensus_reciprocal(count) >> 16);
 }
 
 void sst_consensus_mean_row_ref(uint8_t *mean, const struct sst_consensus_rows *r, size_t n)
 {
     for (size_t x = 0; x < n; x++) {
         int planes;
-        const uint8_t *plane = listed_at(&r->listed, r->planes, x, &planes);
+        size_t packed;
+        const uint8_t *plane = listed_at(&r->listed, r->planes, x, &planes, &packed);
 
-        for (int j = 0; j < planes; j++) {
-            const size_t at = (size_t)plane[j] * r->stride + x;
-            const uint8_t *row[3] = { r->above + at, r->own + at, r->below + at };
-            unsigned sum = row[1][0], count = 1;
+        for (int j = 0; j < planes; j++)
+            mean[packed + (size_t)j * SST_CONSENSUS_BLOCK] = mean_at(r, x, plane[j]);
+    }
+}
 
-            for (int i = 0, k = 0; i < 9; i++) {
-                if (i == 4)
-                    continue;
-                if (r->step[k][x] <= r->alike) {
-                    sum += row[i / 3][i % 3 - 1];
-                    count++;
-                }
-                k++;
+void sst_consensus_least_row_ref(uint8_t *const out[2], const struct sst_consensus_rows *r, size_t n)
+{
+    for (size_t x = 0; x < n; x++) {
+        int planes;
+        size_t packed;
+        const uint8_t *plane = listed_at(&r->listed, r->planes, x, &planes, &packed);
+
+        out[0][x] = plane[0];
+        out[1][x] = mean_at(r, x, plane[0]);
+        for (int j = 1; j < planes; j++) {
+            const uint8_t mean = mean_at(r, x, plane[j]);
+
+            if (mean < out[1][x]) {
+                out[0][x] = plane[j];
+                out[1][x] = mean;
             }
-            mean[at] = (uint8_t)(sum * sst_consensus_reciprocal(count) >> 16);
         }
     }
 }
@@ -48,9 +76,10 @@ void sst_consensus_path_row_ref(const struct sst_consensus_paths *p, size_t n)
 {
     for (size_t x = 0; x < n; x++) {
         int least[2] = { 255, 255 }, planes;
-        const uint8_t *plane = listed_at(&p->listed, p->planes, x, &planes);
+        size_t packed;
+        const uint8_t *plane = listed_at(&p->listed, p->planes, x, &planes, &packed);
 
-        for (int j = 0; j < planes; j++) {
+        for (int j = 0; j < planes; j++, packed += SST_CONSENSUS_BLOCK) {
             const int i = plane[j];
             const size_t at = (size_t)i * p->stride + x;
             int l[2];
@@ -62,44 +91,43 @@ void sst_consensus_path_row_ref(const struct sst_consensus_paths *p, size_t n)
                 int best = sst_min_int(*from, sst_min_int(below, above) + p->p1);
 
                 best = sst_min_int(sst_min_int(best, was + (p->step[t][x] > p->edge ? p->p2_edge : p->p2)), 255);
-                l[t] = sst_min_int(p->cost[at] + sst_max_int(best - was, 0), 255);
+                l[t] = sst_min_int(p->cost[packed] + sst_max_int(best - was, 0), 255);
                 least[t] = sst_min_int(l[t], least[t]);
                 p->to[t][at] = (uint8_t)l[t];
             }
-            p->mean[at] = (uint8_t)((l[0] + l[1] + 1) / 2);
+            p->mean[packed] = (uint8_t)((l[0] + l[1] + 1) / 2);
         }
         p->least[0][x] = (uint8_t)least[0];
         p->least[1][x] = (uint8_t)least[1];
     }
 }
 
-/* The sum of a plane; 255: it is not listed. */
-static int sum_of(const struct sst_consensus_choice *c, const uint8_t *plane, int planes, int of, size_t x)
+/* The sum at a place in a packed row. */
+static int sum_at(const struct sst_consensus_choice *c, size_t at)
 {
-    const size_t at = (size_t)of * c->stride + x;
-
-    for (int j = 0; j < planes; j++) {
-        if (plane[j] == of)
-            return sst_min_int(c->sum[0][at] + (c->sum[1] ? c->sum[1][at] : 0), 255);
-    }
-    return 255;
+    return sst_min_int(c->sum[0][at] + c->sum[1][at], 255);
 }
 
 void sst_consensus_choose_row_ref(const struct sst_consensus_choice *c, size_t n)
 {
     for (size_t x = 0; x < n; x++) {
-        int planes, best;
-        const uint8_t *plane = listed_at(&c->listed, c->planes, x, &planes);
+        int planes, best = 0;
+        size_t packed, at;
+        const uint8_t *plane = listed_at(&c->listed, c->planes, x, &planes, &packed);
 
-        best = plane[0];
-        for (int j = 1; j < planes; j++)
-            best = sum_of(c, plane, planes, plane[j], x) < sum_of(c, plane, planes, best, x) ? plane[j] : best;
-        c->plane[x] = (uint8_t)best;
-        c->costs[x] = c->cost[(size_t)best * c->stride + x];
-        if (!c->sums)
-            continue;
-        c->before[x] = (uint8_t)sum_of(c, plane, planes, best - 1, x);
-        c->sums[x] = (uint8_t)sum_of(c, plane, planes, best, x);
-        c->after[x] = (uint8_t)sum_of(c, plane, planes, best + 1, x);
+        for (int j = 1; j < planes; j++) {
+            if (sum_at(c, packed + (size_t)j * SST_CONSENSUS_BLOCK) <
+                sum_at(c, packed + (size_t)best * SST_CONSENSUS_BLOCK))
+                best = j;
+        }
+        at = packed + (size_t)best * SST_CONSENSUS_BLOCK;
+        c->plane[x] = plane[best];
+        c->costs[x] = c->cost[at];
+        c->before[x] = c->after[x] = 255;
+        if (best && plane[best - 1] + 1 == plane[best])
+            c->before[x] = (uint8_t)sum_at(c, at - SST_CONSENSUS_BLOCK);
+        c->sums[x] = (uint8_t)sum_at(c, at);
+        if (best + 1 < planes && plane[best] + 1 == plane[best + 1])
+            c->after[x] = (uint8_t)sum_at(c, at + SST_CONSENSUS_BLOCK);
     }
 }

@@ -85,11 +85,14 @@ static inline void KERNEL(consensus_replace)(simd_u8 colour[3], const struct KER
         colour[c] = (colour[c] & none) | (mean[c] & ~none);
 }
 
-/* How near a view is to colours, at most SST_CONSENSUS_REACH; 0 where it does not see. */
+/* How near a view is to colours, at most SST_CONSENSUS_REACH, which `there` has; 0 where it does not see. */
 static inline void KERNEL(consensus_near)(simd_u8 near[2], const struct sst_consensus_view *v, size_t x,
-                                          const simd_u8 colour[2][3])
+                                          const simd_u8 colour[2][3], const simd_u8 there[2])
 {
-    near[0] = near[1] = simd_load_u8(v->seen + x) & SST_CONSENSUS_REACH;
+    const simd_u8 seen = simd_load_u8(v->seen + x);
+
+    near[0] = seen & there[0];
+    near[1] = seen & there[1];
 #pragma GCC unroll 3
     for (int c = 0; c < 3; c++) {
         const simd_u8 own = simd_load_u8(v->colour[c] + x);
@@ -99,12 +102,13 @@ static inline void KERNEL(consensus_near)(simd_u8 near[2], const struct sst_cons
     }
 }
 
-/* Densities of the views around two colours: means of four views each, added. */
+/* Densities of views around two colours: means of four views each, added. */
 static inline void KERNEL(consensus_density)(simd_u8 sum[2], const struct sst_consensus_view *view, int views, size_t x,
                                              const simd_u8 colour[2][3])
 {
     static const uint8_t unseen[SST_CONSENSUS_BLOCK];
     const struct sst_consensus_view none = { { unseen, unseen, unseen }, unseen, NULL };
+    const simd_u8 there[2] = { simd_set_u8(SST_CONSENSUS_REACH), simd_set_u8(SST_CONSENSUS_REACH) };
 
     sum[0] = sum[1] = (simd_u8){ 0 };
     for (int k = 0; k < views; k += 4) {
@@ -112,36 +116,86 @@ static inline void KERNEL(consensus_density)(simd_u8 sum[2], const struct sst_co
 
 #pragma GCC unroll 4
         for (int i = 0; i < 4; i++)
-            KERNEL(consensus_near)(near[i], k + i < views ? &view[k + i] : &none, x, colour);
+            KERNEL(consensus_near)(near[i], k + i < views ? &view[k + i] : &none, x, colour, there);
 #pragma GCC unroll 2
         for (int s = 0; s < 2; s++)
             sum[s] += simd_mean_u8(simd_mean_u8(near[0][s], near[1][s]), simd_mean_u8(near[2][s], near[3][s]));
     }
 }
 
+/* How near the seeds are to each of them, added: each pair is compared once. */
+static inline void KERNEL(consensus_compare)(simd_u8 *score, const struct sst_consensus_view *view, int seeds, size_t x)
+{
+    for (int s = 0; s < seeds; s++)
+        score[s] = simd_load_u8(view[s].seen + x) & SST_CONSENSUS_REACH;
+    for (int s = 0; s + 1 < seeds; s += 2) {
+        simd_u8 colour[2][3], there[2], near[2];
+
+        for (int i = 0; i < 2; i++) {
+            there[i] = simd_load_u8(view[s + i].seen + x) & SST_CONSENSUS_REACH;
+            for (int c = 0; c < 3; c++)
+                colour[i][c] = simd_load_u8(view[s + i].colour[c] + x);
+        }
+        KERNEL(consensus_near)(near, &view[s + 1], x, colour, there);
+        score[s] = simd_more_u8(score[s], near[0]);
+        score[s + 1] = simd_more_u8(score[s + 1], near[0]);
+        for (int k = s + 2; k < seeds; k++) {
+            KERNEL(consensus_near)(near, &view[k], x, colour, there);
+            score[s] = simd_more_u8(score[s], near[0]);
+            score[s + 1] = simd_more_u8(score[s + 1], near[1]);
+            score[k] = simd_more_u8(simd_more_u8(score[k], near[0]), near[1]);
+        }
+    }
+}
+
 static inline void KERNEL(consensus_start)(simd_u8 colour[3], const struct sst_consensus_view *view, int views,
                                            size_t x)
 {
-    simd_u8 best = { 0 };
+    const int seeds = views < SST_CONSENSUS_SEEDS ? views : SST_CONSENSUS_SEEDS;
+    simd_u8 score[SST_CONSENSUS_SEEDS], best = { 0 };
 
+    KERNEL(consensus_compare)(score, view, seeds, x);
     colour[0] = colour[1] = colour[2] = best;
-    for (int s = 0; s < views && s < SST_CONSENSUS_SEEDS; s += 2) {
-        const struct sst_consensus_view *of[2] = { &view[s], &view[s + (s + 1 < views)] };
+    for (int s = 0; s < seeds; s += 2) {
+        const int of[2] = { s, s + (s + 1 < seeds) };
         simd_u8 seed[2][3], sum[2];
 
         for (int i = 0; i < 2; i++) {
             for (int c = 0; c < 3; c++)
-                seed[i][c] = simd_load_u8(of[i]->colour[c] + x);
+                seed[i][c] = simd_load_u8(view[of[i]].colour[c] + x);
         }
-        KERNEL(consensus_density)(sum, view, views, x, seed);
+        KERNEL(consensus_density)(sum, view + seeds, views - seeds, x, seed);
         for (int i = 0; i < 2; i++) {
-            const simd_u8 own = sum[i] & simd_load_u8(of[i]->seen + x), more = (simd_u8)(own > best);
+            const simd_u8 all = sum[i] + (score[of[i]] >> 2), own = all & simd_load_u8(view[of[i]].seen + x);
+            const simd_u8 more = (simd_u8)(own > best);
 
             best = simd_max_u8(own, best);
             for (int c = 0; c < 3; c++)
                 colour[c] = (colour[c] & ~more) | (seed[i][c] & more);
         }
     }
+}
+
+/* Density of the views around a colour. */
+static inline simd_u8 KERNEL(consensus_dense)(const struct sst_consensus_view *view, int views, size_t x,
+                                              const simd_u8 colour[3])
+{
+    simd_u8 sum = { 0 };
+
+    for (int k = 0; k < views; k += 4) {
+        simd_u8 near[4] = { { 0 } };
+
+#pragma GCC unroll 4
+        for (int i = 0; i < 4; i++) {
+            if (k + i < views) {
+                near[i] = simd_load_u8(view[k + i].seen + x) & SST_CONSENSUS_REACH;
+                for (int c = 0; c < 3; c++)
+                    near[i] = simd_less_u8(near[i], simd_apart_u8(simd_load_u8(view[k + i].colour[c] + x), colour[c]));
+            }
+        }
+        sum += simd_mean_u8(simd_mean_u8(near[0], near[1]), simd_mean_u8(near[2], near[3]));
+    }
+    return sum;
 }
 
 static void KERNEL(consensus_first)(uint8_t *const out[4], const struct sst_consensus_view *view, int views)
@@ -151,7 +205,7 @@ static void KERNEL(consensus_first)(uint8_t *const out[4], const struct sst_cons
     KERNEL(consensus_reciprocals)(table);
     for (size_t x = 0; x < SST_CONSENSUS_BLOCK; x += SIMD_BYTES) {
         struct KERNEL(consensus_sum) sum[3] = { 0 }, dense = { 0 };
-        simd_u8 colour[3], n = { 0 }, seen = { 0 }, density[2];
+        simd_u8 colour[3], n = { 0 }, seen = { 0 };
         simd_u16 q[2];
 
         KERNEL(consensus_start)(colour, view, views, x);
@@ -164,9 +218,7 @@ static void KERNEL(consensus_first)(uint8_t *const out[4], const struct sst_cons
              (simd_u8)(KERNEL(consensus_apart)(&view[k], x, colour) <= SST_CONSENSUS_NEAR) & there);
         }
         KERNEL(consensus_replace)(colour, sum, n, table);
-        KERNEL(consensus_density)
-        (density, view, views, x, (const simd_u8[2][3]){ { colour[0], colour[1], colour[2] } });
-        KERNEL(consensus_add)(&dense, density[0]);
+        KERNEL(consensus_add)(&dense, KERNEL(consensus_dense)(view, views, x, colour));
         KERNEL(consensus_invert)(q, seen + SST_CONSENSUS_LEAST, table);
         for (int i = 0; i < 2; i++)
             dense.half[i] = simd_less_u16((simd_u16){ 0 } + SST_CONSENSUS_SPARE,
@@ -179,7 +231,7 @@ static void KERNEL(consensus_first)(uint8_t *const out[4], const struct sst_cons
 
 /* Parts of the block in which enough views claim the plane at some pixel. */
 static inline uint8_t KERNEL(consensus_claimed)(const struct sst_consensus_view *view, int views,
-                                             const struct sst_consensus_test *t)
+                                                const struct sst_consensus_test *t)
 {
     uint8_t enough[SST_CONSENSUS_BLOCK];
     unsigned claimed = 0;
@@ -204,7 +256,7 @@ static inline uint8_t KERNEL(consensus_claimed)(const struct sst_consensus_view 
 }
 
 static uint8_t KERNEL(consensus_again)(uint8_t *const out[4], const struct sst_consensus_view *view, int views,
-                                    const struct sst_consensus_test *t)
+                                       const struct sst_consensus_test *t)
 {
     const uint8_t claimed = KERNEL(consensus_claimed)(view, views, t);
     uint8_t table[2][64];
@@ -263,12 +315,55 @@ static void KERNEL(consensus_cost_row)(uint8_t *cost, const uint8_t *const own[3
     }
 }
 
-/* Planes of the block that pixel x lies in. */
+/* Planes of the block that pixel x lies in, and where a packed row has the pixel at the first of them. */
 static inline const uint8_t *KERNEL(consensus_planes)(const struct sst_consensus_listed *l, int planes, size_t x,
-                                                      int *count)
+                                                      int *count, size_t *packed)
 {
-    *count = l->count[x / SST_CONSENSUS_BLOCK];
-    return l->plane + x / SST_CONSENSUS_BLOCK * (size_t)planes;
+    const size_t block = x / SST_CONSENSUS_BLOCK;
+
+    *count = l->count[block];
+    *packed = block * (size_t)planes * SST_CONSENSUS_BLOCK + x % SST_CONSENSUS_BLOCK;
+    return l->plane + block * (size_t)planes;
+}
+
+/* Like pixels around those of a vector. */
+struct KERNEL(consensus_alike) {
+    const uint8_t *from[8], *own;
+    simd_u8 mask[8];
+    simd_u16 q[2]; /* reciprocals of how many they are */
+};
+
+static inline void KERNEL(consensus_find_alike)(struct KERNEL(consensus_alike) * a, const struct sst_consensus_rows *r,
+                                                size_t x, uint8_t table[2][64])
+{
+    const uint8_t *row[3] = { r->above + x, r->own + x, r->below + x };
+    simd_u8 count = simd_set_u8(1);
+
+    a->own = row[1];
+    for (int i = 0; i < 8; i++) {
+        const int at = i + (i > 3);
+
+        a->from[i] = row[at / 3] + at % 3 - 1;
+        a->mask[i] = (simd_u8)(simd_load_u8(r->step[i] + x) <= r->alike);
+        count -= a->mask[i];
+    }
+    KERNEL(consensus_invert)(a->q, count, table);
+}
+
+static inline simd_u8 KERNEL(consensus_mean)(const struct KERNEL(consensus_alike) * a, size_t at)
+{
+    simd_u8 v[8];
+    simd_u16 sum[2];
+
+#pragma GCC unroll 8
+    for (int i = 0; i < 8; i++)
+        v[i] = simd_load_u8(a->from[i] + at) & a->mask[i];
+    v[0] += v[1] + v[2];
+    v[3] += simd_load_u8(a->own + at) + v[4];
+    v[5] += v[6] + v[7];
+    for (int i = 0; i < 2; i++)
+        sum[i] = simd_widen(v[0], i) + simd_widen(v[3], i) + simd_widen(v[5], i);
+    return simd_narrow(simd_high_u16(sum[0], a->q[0]), simd_high_u16(sum[1], a->q[1]));
 }
 
 static void KERNEL(consensus_mean_row)(uint8_t *mean, const struct sst_consensus_rows *r, size_t n)
@@ -277,33 +372,41 @@ static void KERNEL(consensus_mean_row)(uint8_t *mean, const struct sst_consensus
 
     KERNEL(consensus_reciprocals)(table);
     for (size_t x = 0; x < n; x += SIMD_BYTES) {
-        const uint8_t *from[8] = { r->above + x - 1, r->above + x,     r->above + x + 1, r->own + x - 1,
-                                   r->own + x + 1,   r->below + x - 1, r->below + x,     r->below + x + 1 };
-        simd_u8 mask[8], count = simd_set_u8(1);
-        simd_u16 q[2];
+        struct KERNEL(consensus_alike) alike;
+        size_t packed;
         int planes;
-        const uint8_t *plane = KERNEL(consensus_planes)(&r->listed, r->planes, x, &planes);
+        const uint8_t *plane = KERNEL(consensus_planes)(&r->listed, r->planes, x, &planes, &packed);
 
-        for (int i = 0; i < 8; i++) {
-            mask[i] = (simd_u8)(simd_load_u8(r->step[i] + x) <= r->alike);
-            count -= mask[i];
-        }
-        KERNEL(consensus_invert)(q, count, table);
-        for (int p = 0; p < planes; p++) {
-            const size_t at = (size_t)plane[p] * r->stride;
-            simd_u8 v[8];
-            simd_u16 sum[2];
+        KERNEL(consensus_find_alike)(&alike, r, x, table);
+        for (int p = 0; p < planes; p++, packed += SST_CONSENSUS_BLOCK)
+            simd_store_u8(mean + packed, KERNEL(consensus_mean)(&alike, (size_t)plane[p] * r->stride));
+    }
+}
 
-#pragma GCC unroll 8
-            for (int i = 0; i < 8; i++)
-                v[i] = simd_load_u8(from[i] + at) & mask[i];
-            v[0] += v[1] + v[2];
-            v[3] += simd_load_u8(r->own + at + x) + v[4];
-            v[5] += v[6] + v[7];
-            for (int i = 0; i < 2; i++)
-                sum[i] = simd_widen(v[0], i) + simd_widen(v[3], i) + simd_widen(v[5], i);
-            simd_store_u8(mean + at + x, simd_narrow(simd_high_u16(sum[0], q[0]), simd_high_u16(sum[1], q[1])));
+static void KERNEL(consensus_least_row)(uint8_t *const out[2], const struct sst_consensus_rows *r, size_t n)
+{
+    uint8_t table[2][64];
+
+    KERNEL(consensus_reciprocals)(table);
+    for (size_t x = 0; x < n; x += SIMD_BYTES) {
+        struct KERNEL(consensus_alike) alike;
+        simd_u8 least, chosen;
+        size_t packed;
+        int planes;
+        const uint8_t *plane = KERNEL(consensus_planes)(&r->listed, r->planes, x, &planes, &packed);
+
+        KERNEL(consensus_find_alike)(&alike, r, x, table);
+        least = KERNEL(consensus_mean)(&alike, (size_t)plane[0] * r->stride);
+        chosen = simd_set_u8(plane[0]);
+        for (int p = 1; p < planes; p++) {
+            const simd_u8 mean = KERNEL(consensus_mean)(&alike, (size_t)plane[p] * r->stride);
+            const simd_u8 less = (simd_u8)(mean < least);
+
+            chosen = (chosen & ~less) | (plane[p] & less);
+            least = simd_min_u8(mean, least);
         }
+        simd_store_u8(out[0] + x, chosen);
+        simd_store_u8(out[1] + x, least);
     }
 }
 
@@ -312,18 +415,19 @@ static void KERNEL(consensus_path_row)(const struct sst_consensus_paths *p, size
     for (size_t x = 0; x < n; x += SIMD_BYTES) {
         const simd_u8 most = simd_set_u8(255), p1 = simd_set_u8(p->p1);
         simd_u8 was[2], jump[2], least[2] = { most, most };
+        size_t packed;
         int planes;
-        const uint8_t *plane = KERNEL(consensus_planes)(&p->listed, p->planes, x, &planes);
+        const uint8_t *plane = KERNEL(consensus_planes)(&p->listed, p->planes, x, &planes, &packed);
 
         for (int t = 0; t < 2; t++) {
             was[t] = simd_load_u8(p->from_least[t] + x + (t ? 1 : -1));
             jump[t] = (simd_u8)(simd_load_u8(p->step[t] + x) > p->edge);
             jump[t] = simd_more_u8(was[t], (jump[t] & p->p2_edge) | (~jump[t] & p->p2));
         }
-        for (int j = 0; j < planes; j++) {
+        for (int j = 0; j < planes; j++, packed += SST_CONSENSUS_BLOCK) {
             const int i = plane[j];
             const size_t at = (size_t)i * p->stride + x;
-            const simd_u8 cost = simd_load_u8(p->cost + at);
+            const simd_u8 cost = simd_load_u8(p->cost + packed);
             simd_u8 l[2];
 
             for (int t = 0; t < 2; t++) {
@@ -337,7 +441,7 @@ static void KERNEL(consensus_path_row)(const struct sst_consensus_paths *p, size
                 least[t] = simd_min_u8(l[t], least[t]);
                 simd_store_u8(p->to[t] + at, l[t]);
             }
-            simd_store_u8(p->mean + at, simd_mean_u8(l[0], l[1]));
+            simd_store_u8(p->mean + packed, simd_mean_u8(l[0], l[1]));
         }
         simd_store_u8(p->least[0] + x, least[0]);
         simd_store_u8(p->least[1] + x, least[1]);
@@ -350,20 +454,19 @@ static void KERNEL(consensus_choose_row)(const struct sst_consensus_choice *c, s
         const simd_u8 most = simd_set_u8(255);
         simd_u8 last = most, best = most, chosen = { 0 }, before = most, after = most, cost = { 0 };
         simd_u8 was = { 0 }; /* pixels whose best plane is the last one */
+        size_t packed;
         int planes;
-        const uint8_t *plane = KERNEL(consensus_planes)(&c->listed, c->planes, x, &planes);
+        const uint8_t *plane = KERNEL(consensus_planes)(&c->listed, c->planes, x, &planes, &packed);
 
-        for (int j = 0; j < planes; j++) {
-            const size_t at = (size_t)plane[j] * c->stride + x;
-            const simd_u8 own = simd_load_u8(c->sum[0] + at);
-            const simd_u8 sum = c->sum[1] ? simd_more_u8(own, simd_load_u8(c->sum[1] + at)) : own;
+        for (int j = 0; j < planes; j++, packed += SST_CONSENSUS_BLOCK) {
+            const simd_u8 sum = simd_more_u8(simd_load_u8(c->sum[0] + packed), simd_load_u8(c->sum[1] + packed));
             const simd_u8 less = j ? (simd_u8)(sum < best) : most;
             const bool next = j && plane[j] == plane[j - 1] + 1;
 
             after = (after & ~was) | ((next ? sum : most) & was);
             before = (before & ~less) | ((next ? last : most) & less);
             chosen = (chosen & ~less) | (plane[j] & less);
-            cost = (cost & ~less) | (simd_load_u8(c->cost + at) & less);
+            cost = (cost & ~less) | (simd_load_u8(c->cost + packed) & less);
             best = (best & ~less) | (sum & less);
             last = sum;
             was = less;
@@ -371,10 +474,8 @@ static void KERNEL(consensus_choose_row)(const struct sst_consensus_choice *c, s
         after |= was;
         simd_store_u8(c->plane + x, chosen);
         simd_store_u8(c->costs + x, cost);
-        if (c->sums) {
-            simd_store_u8(c->before + x, before);
-            simd_store_u8(c->sums + x, best);
-            simd_store_u8(c->after + x, after);
-        }
+        simd_store_u8(c->before + x, before);
+        simd_store_u8(c->sums + x, best);
+        simd_store_u8(c->after + x, after);
     }
 }

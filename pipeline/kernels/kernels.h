@@ -86,6 +86,7 @@ enum sst_cpu_level {
     X(consensus_again)                                                                                                 \
     X(consensus_cost_row)                                                                                              \
     X(consensus_mean_row)                                                                                              \
+    X(consensus_least_row)                                                                                             \
     X(consensus_path_row)                                                                                              \
     X(consensus_choose_row)                                                                                            \
     X(correlate_places)                                                                                                \

@@ -61,17 +61,14 @@ SIMD_TYPE(f32, float, float)
 #if defined(__SSE2__)
 #if SIMD_BYTES == 64
 #define SIMD_OP(name)   _mm512_##name
-#define SIMD_BITS(name) _mm512_##name##_si512
 #define SIMD_INT        __m512i
 #define SIMD_SPREAD     _mm512_broadcast_i32x4
 #elif SIMD_BYTES == 32
 #define SIMD_OP(name)   _mm256_##name
-#define SIMD_BITS(name) _mm256_##name##_si256
 #define SIMD_INT        __m256i
 #define SIMD_SPREAD     _mm256_broadcastsi128_si256
 #else
 #define SIMD_OP(name)   _mm_##name
-#define SIMD_BITS(name) _mm_##name##_si128
 #define SIMD_INT        __m128i
 #endif
 SIMD_TWO(min, u8, SIMD_INT, SIMD_OP(min_epu8)(a, b))
@@ -80,7 +77,7 @@ SIMD_TWO(mean, u8, SIMD_INT, SIMD_OP(avg_epu8)(a, b))
 SIMD_TWO(more, u8, SIMD_INT, SIMD_OP(adds_epu8)(a, b))
 SIMD_TWO(less, u8, SIMD_INT, SIMD_OP(subs_epu8)(a, b))
 SIMD_TWO(less, u16, SIMD_INT, SIMD_OP(subs_epu16)(a, b))
-SIMD_TWO(apart, u8, SIMD_INT, SIMD_BITS(or)(SIMD_OP(subs_epu8)(a, b), SIMD_OP(subs_epu8)(b, a)))
+SIMD_TWO(apart, u8, SIMD_INT, SIMD_OP(sub_epi8)(SIMD_OP(max_epu8)(a, b), SIMD_OP(min_epu8)(a, b)))
 #elif defined(__ARM_NEON)
 SIMD_TWO(min, u8, uint8x16_t, vminq_u8(a, b))
 SIMD_TWO(max, u8, uint8x16_t, vmaxq_u8(a, b))

@@ -53,6 +53,7 @@ static const struct {
       "a byte for each view, and the cost of views that are missing" },
     { "consensus_cost_row", 255, UINT8_MAX, "sums that saturate" },
     { "consensus_mean_row", 3 * SST_CONSENSUS_MOST, UINT8_MAX, "costs of three of 3x3 pixels" },
+    { "consensus_least_row", 3 * SST_CONSENSUS_MOST, UINT8_MAX, "costs of three of 3x3 pixels" },
     { "consensus_path_row", 255, UINT8_MAX, "sums that saturate" },
     { "consensus_choose_row", 255, UINT8_MAX, "sums that saturate" },
     { "cheapest_hamming_row", 4 * 62, SST_COST_MAX, "4 popcount of 62 bits" },

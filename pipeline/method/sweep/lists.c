@@ -115,9 +115,3 @@ void sweep_lists_clear(const struct sweep *s, const struct sweep_lists *l, uint8
         }
     }
 }
-
-void sweep_clear(const struct sweep *s, uint8_t *layer, uint8_t value)
-{
-    for (int i = 0; i < s->planes; i++)
-        memset(layer + (size_t)i * s->stride + SWEEP_PAD, value, s->stride - 2 * SWEEP_PAD);
-}

@@ -48,39 +48,50 @@ static void colour_steps(uint8_t *out, const struct mapped *m, int y, int dx, in
         out[dx < 0 ? 0 : s->width - 1] = 255;
 }
 
-/* Costs of row y at its planes. */
-static void cost_row(const struct mapped *m, int y)
+/* Costs of row y at plane i, in blocks that have it. */
+static void cost_row(const struct mapped *m, int i, int y)
 {
     const struct sweep *s = m->s;
-    const uint8_t *on = sweep_lists_on(s, &m->costs->lists, y);
-    uint8_t *to = m->costs->raw[y % 3] + SWEEP_PAD;
+    const struct sweep_plane *p = &s->plane[i];
+    const uint8_t *on = sweep_lists_on(s, &m->costs->lists, y) + i * s->blocks;
+    uint8_t *to = m->costs->raw[y % 3] + SWEEP_PAD + (size_t)i * s->stride;
     const size_t at = (size_t)y * s->stride + SWEEP_PAD;
     const uint8_t *own[3] = { m->v->colour[0] + at, m->v->colour[1] + at, m->v->colour[2] + at };
+    const int row = (y + p->shift[m->k][1] - p->y0) % p->rows;
+    const uint8_t *at_plane = p->consensus + (size_t)row * 4 * p->stride + (p->shift[m->k][0] - p->x0);
 
-    if (s->again && y - 3 >= s->top - 1 && y >= 3)
-        sweep_lists_clear(s, &m->costs->lists, m->costs->raw[y % 3], s->most, (const int[]){ y - 3, y });
-    for (int i = 0; i < s->planes; i++, to += s->stride, on += s->blocks) {
-        const struct sweep_plane *p = &s->plane[i];
-        const int row = (y + p->shift[m->k][1] - p->y0) % p->rows;
-        const uint8_t *at_plane = p->consensus + (size_t)row * 4 * p->stride + (p->shift[m->k][0] - p->x0);
+    for (int b = 0, end; b < s->blocks; b = end) {
+        const size_t x = (size_t)b * SST_CONSENSUS_BLOCK;
+        const uint8_t *pixels[3] = { own[0] + x, own[1] + x, own[2] + x };
+        const uint8_t *consensus[4] = { at_plane + x, at_plane + p->stride + x, at_plane + 2 * p->stride + x,
+                                        at_plane + 3 * p->stride + x };
 
-        for (int b = 0, end; b < s->blocks; b = end) {
-            const size_t x = (size_t)b * SST_CONSENSUS_BLOCK;
-            const uint8_t *pixels[3] = { own[0] + x, own[1] + x, own[2] + x };
-            const uint8_t *consensus[4] = { at_plane + x, at_plane + p->stride + x, at_plane + 2 * p->stride + x,
-                                            at_plane + 3 * p->stride + x };
-
-            for (end = b; end < s->blocks && on[end] == on[b]; end++)
-                ;
-            if (on[b])
-                sst_kernels_get()->consensus_cost_row(to + x, pixels, consensus, s->again ? s->most : FIRST,
-                                                      (size_t)(end - b) * SST_CONSENSUS_BLOCK);
-        }
+        for (end = b + 1; end < s->blocks && on[end] == on[b]; end++)
+            ;
+        if (on[b])
+            sst_kernels_get()->consensus_cost_row(to + x, pixels, consensus, s->again ? s->most : FIRST,
+                                                  (size_t)(end - b) * SST_CONSENSUS_BLOCK);
     }
 }
 
-/* Means of the costs of row y; m->costs->raw has its rows and the two beside. */
-static void mean_row(uint8_t *to, const struct mapped *m, int y)
+/* Costs of row y of views of one row of the array: plane by plane, since they have much of a plane's row in common. */
+static void cost_rows(const struct mapped *m, int views, int y)
+{
+    const struct sweep *s = m->s;
+
+    for (int i = 0; i < views; i++) {
+        if (s->again && y - 3 >= s->top - 1 && y >= 3) /* there are costs of row y - 3 */
+            sweep_lists_clear(s, &m[i].costs->lists, m[i].costs->raw[y % 3], s->most, (const int[]){ y - 3, y });
+    }
+    for (int plane = 0; plane < s->planes; plane++) {
+        for (int i = 0; i < views; i++)
+            cost_row(&m[i], plane, y);
+    }
+}
+
+/* Means of the costs of row y, or in the first round the cheapest planes; m->costs->raw has its rows and the two
+ * beside. */
+static void mean_row(const struct mapped *m, int y)
 {
     const struct sweep *s = m->s;
     const struct sst_consensus_rows rows = { m->costs->raw[(y + 2) % 3] + SWEEP_PAD,
@@ -92,44 +103,34 @@ static void mean_row(uint8_t *to, const struct mapped *m, int y)
                                              sweep_lists_at(s, &m->costs->lists, y),
                                              s->planes,
                                              s->stride };
+    uint8_t *const least[2] = { m->v->plane + (size_t)y * s->stride + SWEEP_PAD, m->own->choice[COST] };
 
     for (int i = 0, k = 0; i < 9; i++) {
         if (i != 4)
             colour_steps(m->own->step[k++], m, y, i % 3 - 1, i / 3 - 1);
     }
-    sst_kernels_get()->consensus_mean_row(to + SWEEP_PAD, &rows, padded(s));
-}
-
-/* The cheapest planes of row y, without paths. */
-static void choose_first(const struct mapped *m, int y)
-{
-    const struct sweep *s = m->s;
-    const struct sst_consensus_choice choice = { .sum = { m->costs->mean + SWEEP_PAD, NULL },
-                                                 .cost = m->costs->mean + SWEEP_PAD,
-                                                 .listed = sweep_lists_at(s, &m->costs->lists, y),
-                                                 .planes = s->planes,
-                                                 .stride = s->stride,
-                                                 .plane = m->v->plane + (size_t)y * s->stride + SWEEP_PAD,
-                                                 .costs = m->own->choice[COST] };
-
-    sst_kernels_get()->consensus_choose_row(&choice, padded(s));
+    if (s->again) {
+        sst_kernels_get()->consensus_mean_row(m->costs->mean + (size_t)(y - s->top) * s->packed, &rows, padded(s));
+        return;
+    }
+    sst_kernels_get()->consensus_least_row(least, &rows, padded(s));
     for (int x = 0; x < s->width; x++)
-        m->v->costs[m->own->choice[COST][x]]++;
+        m->v->costs[least[1][x]]++;
 }
 
 /* Paths of row y from row y - dir; path[from] has its state. @param row  of these paths, from 0 on
- * @param mean  out, of both */
+ * @param mean  out, of both, packed */
 static void path_row(const struct mapped *m, int y, int dir, int row, uint8_t *(*path)[2], uint8_t *(*least)[2],
-                     int from, const uint8_t *cost, uint8_t *mean)
+                     int from, uint8_t *mean)
 {
     const struct sweep *s = m->s;
-    struct sst_consensus_paths p = { .cost = cost + SWEEP_PAD,
+    struct sst_consensus_paths p = { .cost = m->costs->mean + (size_t)(y - s->top) * s->packed,
                                      .step = { m->own->step[0], m->own->step[1] },
                                      .p1 = P1,
                                      .p2 = s->p2,
                                      .edge = EDGE_STEP,
                                      .p2_edge = s->p2 / 4,
-                                     .mean = mean + SWEEP_PAD,
+                                     .mean = mean,
                                      .listed = sweep_lists_at(s, &m->costs->lists, y),
                                      .planes = s->planes,
                                      .stride = s->stride };
@@ -140,16 +141,16 @@ static void path_row(const struct mapped *m, int y, int dir, int row, uint8_t *(
         p.to[t] = path[!from][t] + SWEEP_PAD;
         p.least[t] = least[!from][t] + SWEEP_PAD;
         if (row < 2)
-            sweep_clear(s, path[!from][t], 255);
+            memset(path[!from][t], 255, s->layer);
         else
             sweep_lists_clear(s, &m->costs->lists, path[!from][t], 255, (const int[]){ y - 2 * dir, y });
         colour_steps(m->own->step[t], m, y, 2 * t - 1, -dir);
     }
     sst_kernels_get()->consensus_path_row(&p, padded(s));
-    for (int t = 0; t < 2; t++) { /* from beyond the right edge, as from beyond the left one, no path comes */
-        p.least[t][s->width] = 0;
+    for (int t = 0; t < 2; t++) { /* from beyond the edges no path comes */
+        p.least[t][-1] = p.least[t][s->width] = 0;
         for (int i = 0; i < s->planes; i++)
-            p.to[t][(size_t)i * s->stride + (size_t)s->width] = 0;
+            p.to[t][(ptrdiff_t)((size_t)i * s->stride) - 1] = p.to[t][(size_t)i * s->stride + (size_t)s->width] = 0;
     }
 }
 
@@ -172,15 +173,15 @@ static int between_planes(const struct sweep *s, int plane, int before, int sum,
     return sst_clamp_int(d, 0, s->in->range * 64);
 }
 
-static void choose_again(const struct mapped *m, int y, const uint8_t *down, const uint8_t *cost)
+static void choose_row(const struct mapped *m, int y)
 {
     const struct sweep *s = m->s;
     uint8_t *const *row = m->own->choice;
-    const struct sst_consensus_choice choice = { .sum = { m->own->up + SWEEP_PAD, down + SWEEP_PAD },
-                                                 .cost = cost + SWEEP_PAD,
+    const size_t at = (size_t)(y - s->top) * s->packed;
+    const struct sst_consensus_choice choice = { .sum = { m->own->up, m->own->down + at },
+                                                 .cost = m->costs->mean + at,
                                                  .listed = sweep_lists_at(s, &m->costs->lists, y),
                                                  .planes = s->planes,
-                                                 .stride = s->stride,
                                                  .plane = row[PLANE],
                                                  .before = row[BEFORE],
                                                  .sums = row[SUM],
@@ -194,22 +195,7 @@ static void choose_again(const struct mapped *m, int y, const uint8_t *down, con
     memcpy(sst_map_u8_row(s->in->view[m->k].cost, y), row[COST], (size_t)s->width);
 }
 
-/* Paths down to row y, of which the costs are in the cache. */
-static void path_down(const struct mapped *m, int y)
-{
-    const struct sweep *s = m->s;
-    struct sweep_view *v = m->v;
-    const size_t at = (size_t)(y - s->top) * s->layer;
-
-    if (!y)
-        clear_paths(s, v->path[v->row], v->least[v->row]);
-    path_row(m, y, 1, y - s->top, v->path, v->least, v->row, m->costs->mean + at, m->costs->sum + at);
-    v->row = !v->row;
-}
-
-/* Mean costs of the views' rows from the tile's first one to `bottom`, in the first round with the cheapest planes, in
- * the second one with paths down the tile. The views of one row of the array read the same rows of the planes, so that
- * all of them take a row while it is in the cache. */
+/* Mean costs of the views' rows from the tile's first one to `bottom`, in the first round the cheapest planes. */
 static void mean_rows(const struct mapped *m, int views, int bottom)
 {
     const struct sweep *s = m->s;
@@ -217,36 +203,35 @@ static void mean_rows(const struct mapped *m, int views, int bottom)
     for (int i = 0; i < views; i++) {
         sweep_lists_make(s, &m[i].costs->lists, m[i].k, bottom);
         for (int row = 0; s->again && row < 3; row++)
-            sweep_clear(s, m[i].costs->raw[row], s->most);
+            memset(m[i].costs->raw[row], s->most, s->layer);
     }
     for (int y = sst_max_int(s->top - 1, 0) - 1; y < bottom; y++) {
-        for (int i = 0; i < views && y + 1 < s->height; i++)
-            cost_row(&m[i], y + 1);
-        for (int i = 0; i < views && y >= s->top; i++) {
-            mean_row(m[i].costs->mean + (s->again ? (size_t)(y - s->top) * s->layer : 0), &m[i], y);
-            if (!s->again)
-                choose_first(&m[i], y);
-            else if (y < s->bottom)
-                path_down(&m[i], y);
-        }
+        if (y + 1 < s->height)
+            cost_rows(m, views, y + 1);
+        for (int i = 0; i < views && y >= s->top; i++)
+            mean_row(&m[i], y);
     }
 }
 
-/* Paths up from `bottom`, below the tile, and the maps. */
+/* Paths down the tile, paths up from `bottom`, below it, and the maps. */
 static void optimise(const struct mapped *m, int bottom)
 {
     const struct sweep *s = m->s;
-    const struct sweep_costs *c = m->costs;
+    struct sweep_view *v = m->v;
     int from = 0;
 
+    if (!s->top)
+        clear_paths(s, v->path[v->row], v->least[v->row]);
+    for (int y = s->top; y < s->bottom; y++) {
+        path_row(m, y, 1, y - s->top, v->path, v->least, v->row, m->own->down + (size_t)(y - s->top) * s->packed);
+        v->row = !v->row;
+    }
     clear_paths(s, m->own->path[from], m->own->least[from]);
     for (int y = bottom - 1; y >= s->top; y--) {
-        const size_t at = (size_t)(y - s->top) * s->layer;
-
-        path_row(m, y, -1, bottom - 1 - y, m->own->path, m->own->least, from, c->mean + at, m->own->up);
+        path_row(m, y, -1, bottom - 1 - y, m->own->path, m->own->least, from, m->own->up);
         from = !from;
         if (y < s->bottom)
-            choose_again(m, y, c->sum + at, c->mean + at);
+            choose_row(m, y);
     }
 }
 
@@ -274,15 +259,10 @@ int sweep_maps(void *arg, int group, int worker)
     return 0;
 }
 
-static uint8_t *layers(const struct sweep *s, int rows)
-{
-    return sst_mem_alloc(s->layer, (size_t)rows);
-}
-
 static int paths_init(const struct sweep *s, uint8_t *(*path)[2], uint8_t *(*least)[2])
 {
     for (int i = 0; i < 4; i++) {
-        path[i / 2][i % 2] = layers(s, 1);
+        path[i / 2][i % 2] = sst_mem_alloc(s->layer, 1);
         least[i / 2][i % 2] = sst_mem_alloc(s->stride, 1);
         if (!path[i / 2][i % 2] || !least[i / 2][i % 2])
             return -ENOMEM;
@@ -300,22 +280,23 @@ static void paths_fini(uint8_t *(*path)[2], uint8_t *(*least)[2])
 
 static int scratch_init(const struct sweep *s, struct sweep_scratch *w)
 {
-    const int rows = sst_min_int(SWEEP_TILE, s->height), deep = sst_min_int(SWEEP_TILE + SWEEP_LOOK, s->height);
+    const size_t rows = (size_t)sst_min_int(SWEEP_TILE, s->height);
+    const size_t deep = (size_t)sst_min_int(SWEEP_TILE + SWEEP_LOOK, s->height);
     bool there = true;
 
     for (int v = 0; v < SWEEP_TOGETHER; v++) {
         for (int i = 0; i < 3; i++)
-            there = (w->costs[v].raw[i] = layers(s, 1)) && there;
-        there = (w->costs[v].mean = layers(s, deep)) && there;
-        there = (w->costs[v].sum = layers(s, rows)) && there;
+            there = (w->costs[v].raw[i] = sst_mem_alloc(s->layer, 1)) && there;
+        there = (w->costs[v].mean = sst_mem_alloc_raw(s->packed, deep)) && there;
         there = !sweep_lists_init(s, &w->costs[v].lists) && there;
     }
     for (int i = 0; i < 8; i++)
         there = (w->step[i] = sst_mem_alloc(s->stride, 1)) && there;
     for (int i = 0; i < 5; i++)
         there = (w->choice[i] = sst_mem_alloc(s->stride, 1)) && there;
-    w->up = layers(s, 1);
-    return there && w->up ? paths_init(s, w->path, w->least) : -ENOMEM;
+    there = (w->down = sst_mem_alloc_raw(s->packed, rows)) && there;
+    there = (w->up = sst_mem_alloc_raw(s->packed, 1)) && there;
+    return there ? paths_init(s, w->path, w->least) : -ENOMEM;
 }
 
 int sweep_maps_init(struct sweep *s)
@@ -341,13 +322,13 @@ void sweep_maps_fini(struct sweep *s)
             for (int j = 0; j < 3; j++)
                 sst_mem_free(w->costs[v].raw[j]);
             sst_mem_free(w->costs[v].mean);
-            sst_mem_free(w->costs[v].sum);
             sweep_lists_fini(&w->costs[v].lists);
         }
         for (int j = 0; j < 8; j++)
             sst_mem_free(w->step[j]);
         for (int j = 0; j < 5; j++)
             sst_mem_free(w->choice[j]);
+        sst_mem_free(w->down);
         sst_mem_free(w->up);
         paths_fini(w->path, w->least);
     }

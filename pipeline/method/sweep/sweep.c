@@ -293,6 +293,24 @@ static void set_thresholds(struct sweep *s)
     s->p2 = (uint8_t)(thresholds[0].p2 + (thresholds[1].p2 - thresholds[0].p2) * part / span);
 }
 
+/* Groups of as many views as leave no thread waiting. */
+static void choose_groups(struct sweep *s)
+{
+    const int views = s->in->views, threads = s->in->threads;
+    int least = INT32_MAX;
+
+    for (int together = SWEEP_TOGETHER; together > 0; together--) {
+        const int groups = (views + together - 1) / together, turns = (groups + threads - 1) / threads;
+
+        if (turns * together < least) {
+            least = turns * together;
+            s->together = together;
+            s->groups = groups;
+        }
+    }
+    s->workers = sst_min_int(threads, s->groups);
+}
+
 static int sweep_init(struct sweep *s, const struct sst_planesweep *in)
 {
     int err;
@@ -309,14 +327,13 @@ static int sweep_init(struct sweep *s, const struct sst_planesweep *in)
     s->blocks = (s->width + SST_CONSENSUS_BLOCK - 1) / SST_CONSENSUS_BLOCK;
     s->stride = sst_mem_stride((size_t)s->width, 1) + 2 * SWEEP_PAD;
     s->layer = s->stride * (size_t)s->planes;
+    s->packed = (size_t)s->blocks * SST_CONSENSUS_BLOCK * (size_t)s->planes;
     s->view = calloc((size_t)in->views, sizeof(*s->view));
     s->all = sst_mem_alloc(s->stride, 1);
     if (!s->view || !s->all)
         return -ENOMEM;
     memset(s->all + SWEEP_PAD, 255, (size_t)s->width);
-    s->together = sst_clamp_int(in->views / in->threads, 1, SWEEP_TOGETHER);
-    s->groups = (in->views + s->together - 1) / s->together;
-    s->workers = sst_min_int(in->threads, s->groups);
+    choose_groups(s);
     choose_voters(s);
     s->claims = (uint8_t)sst_clamp_int(s->voters / CLAIMED, 1, CLAIMS);
     err = make_planes(s);

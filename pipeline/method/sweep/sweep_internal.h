@@ -10,7 +10,7 @@
 #define SWEEP_TILE     64                  /* rows of a view, of which maps are computed together */
 #define SWEEP_LOOK     8                   /* rows below a tile in which paths from below begin */
 #define SWEEP_GROUP    8                   /* rows of a view that have one list of planes */
-#define SWEEP_TOGETHER 3                   /* views at most whose costs a thread computes together */
+#define SWEEP_TOGETHER 6                   /* views at most whose costs a thread computes together */
 
 /** A plane of the scene: consensus of reference pixels (x, y), which view k has at (x, y) - shift[k]. */
 struct sweep_plane {
@@ -39,17 +39,18 @@ struct sweep_lists {
     uint8_t *plane, *count; /* [groups][blocks][planes], [groups][blocks] of struct sst_consensus_listed */
 };
 
-/** Costs of a view in work, their means of the rows of a tile and SWEEP_LOOK more, and paths down the tile. Costs of
- * planes that a block does not have are the largest ones. */
+/** Costs of a view in work: of three rows, [planes][stride], where planes that a block does not have cost most, and
+ * their means, packed, of the rows of a tile and SWEEP_LOOK more. */
 struct sweep_costs {
-    uint8_t *raw[3], *mean, *sum;
+    uint8_t *raw[3], *mean;
     struct sweep_lists lists;
 };
 
-/** Scratch of a thread; rows of costs are [planes][stride]. */
+/** Scratch of a thread. */
 struct sweep_scratch {
     struct sweep_costs costs[SWEEP_TOGETHER];
-    uint8_t *path[2][2], *least[2][2], *up;
+    uint8_t *path[2][2], *least[2][2]; /* as those of views */
+    uint8_t *down, *up;                /* means of paths, packed: of the rows of a tile, of one row */
     uint8_t *step[8], *choice[5];
 };
 
@@ -57,7 +58,7 @@ struct sweep {
     const struct sst_planesweep *in;
     int width, height, planes, step;        /* step: 1/64 px between planes */
     int blocks;                             /* of a row of a view */
-    size_t stride, layer;                   /* bytes of a row of a view, and of its costs */
+    size_t stride, layer, packed;           /* bytes of a row of a view, of all planes of it, of a packed row */
     struct sweep_view *view;                /* [in->views] */
     struct sweep_plane *plane;              /* [planes] */
     int voter[SST_CONSENSUS_VIEWS], voters; /* views that make the consensus, well spread ones first */
@@ -85,9 +86,6 @@ struct sst_consensus_listed sweep_lists_at(const struct sweep *s, const struct s
 /** Set a layer of row rows[0] to `value` at its planes that row rows[1] lacks. */
 void sweep_lists_clear(const struct sweep *s, const struct sweep_lists *l, uint8_t *layer, uint8_t value,
                        const int rows[2]);
-
-/** Set all pixels of a layer. */
-void sweep_clear(const struct sweep *s, uint8_t *layer, uint8_t value);
 
 /** Scratch of all threads, paths of all views. @return 0, -ENOMEM; sweep_maps_fini() frees all */
 SST_MUST_CHECK int sweep_maps_init(struct sweep *s);
