@@ -65,7 +65,7 @@ typedef void sst_consensus_cost_row_fn(uint8_t *cost, const uint8_t *const own[3
 #define SST_CONSENSUS_MOST 85 /* cost of a pixel at most: three make a byte */
 
 /** Planes of blocks of SST_CONSENSUS_BLOCK pixels of a row. Kernels read and write no other planes, but for neighbours
- * where a member says so. A packed row has them block by block: [blocks][planes][SST_CONSENSUS_BLOCK], by place in the
+ * where a member says so. A packed row has the planes block by block: [blocks][planes][SST_CONSENSUS_BLOCK], by place in the
  * list. */
 struct sst_consensus_listed {
     const uint8_t *plane; /* [blocks][planes], ascending */

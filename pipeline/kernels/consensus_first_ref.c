@@ -5,7 +5,7 @@ static int mean(int a, int b)
     return (a + b + 1) / 2;
 }
 
-/* How near view k is to a colour. */
+/* Nearness of view k to a colour. */
 static int near_to(const struct sst_consensus_view *view, int k, int x, const int colour[3])
 {
     return view[k].seen[x] ? sst_max_int(SST_CONSENSUS_REACH - consensus_apart(&view[k], x, colour), 0) : 0;
@@ -25,7 +25,7 @@ static int density(const struct sst_consensus_view *view, int views, int x, cons
     return sum;
 }
 
-/* How near the seeds are to one of them. */
+/* Nearness of the seeds to one seed, added. */
 static int score_of(const struct sst_consensus_view *view, int seeds, int x, const int seed[3])
 {
     int sum = 0;

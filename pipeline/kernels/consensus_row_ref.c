@@ -12,7 +12,7 @@ void sst_consensus_cost_row_ref(uint8_t *cost, const uint8_t *const own[3], cons
     }
 }
 
-/* Planes of pixel x, and where a packed row has it at the first of them. */
+/* Planes of pixel x, and its place in a packed row at the first plane. */
 static const uint8_t *listed_at(const struct sst_consensus_listed *l, int planes, size_t x, int *count, size_t *packed)
 {
     const size_t block = x / SST_CONSENSUS_BLOCK;

@@ -85,7 +85,7 @@ static inline void KERNEL(consensus_replace)(simd_u8 colour[3], const struct KER
         colour[c] = (colour[c] & none) | (mean[c] & ~none);
 }
 
-/* How near a view is to colours, at most SST_CONSENSUS_REACH, which `there` has; 0 where it does not see. */
+/* Nearness of a view to two colours, at most `there` (SST_CONSENSUS_REACH); 0 where the view does not see. */
 static inline void KERNEL(consensus_near)(simd_u8 near[2], const struct sst_consensus_view *v, size_t x,
                                           const simd_u8 colour[2][3], const simd_u8 there[2])
 {
@@ -123,7 +123,7 @@ static inline void KERNEL(consensus_density)(simd_u8 sum[2], const struct sst_co
     }
 }
 
-/* How near the seeds are to each of them, added: each pair is compared once. */
+/* Sums of nearness of each seed to all seeds: each pair is compared once. */
 static inline void KERNEL(consensus_compare)(simd_u8 *score, const struct sst_consensus_view *view, int seeds, size_t x)
 {
     for (int s = 0; s < seeds; s++)
@@ -315,7 +315,7 @@ static void KERNEL(consensus_cost_row)(uint8_t *cost, const uint8_t *const own[3
     }
 }
 
-/* Planes of the block that pixel x lies in, and where a packed row has the pixel at the first of them. */
+/* Planes of the block of pixel x, and its place in a packed row at the first plane. */
 static inline const uint8_t *KERNEL(consensus_planes)(const struct sst_consensus_listed *l, int planes, size_t x,
                                                       int *count, size_t *packed)
 {
@@ -326,11 +326,11 @@ static inline const uint8_t *KERNEL(consensus_planes)(const struct sst_consensus
     return l->plane + block * (size_t)planes;
 }
 
-/* Like pixels around those of a vector. */
+/* Pixels around a vector that are like its own. */
 struct KERNEL(consensus_alike) {
     const uint8_t *from[8], *own;
     simd_u8 mask[8];
-    simd_u16 q[2]; /* reciprocals of how many they are */
+    simd_u16 q[2]; /* reciprocals of their counts */
 };
 
 static inline void KERNEL(consensus_find_alike)(struct KERNEL(consensus_alike) * a, const struct sst_consensus_rows *r,

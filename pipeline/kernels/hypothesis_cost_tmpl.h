@@ -61,7 +61,7 @@ struct KERNEL(hypothesis_views) {
     __m256i x[HYPOTHESIS_PARTS], y[HYPOTHESIS_PARTS], dx[HYPOTHESIS_PARTS], dy[HYPOTHESIS_PARTS];
     __m256i used[HYPOTHESIS_PARTS], right, bottom; /* last column and row */
     ptrdiff_t stride;
-    int parts; /* that have views */
+    int parts; /* with views */
 };
 
 static inline __m256i KERNEL(hypothesis_load)(const int32_t *from)

@@ -35,8 +35,8 @@ static bool agrees(const struct neighbour *n, int x, int y, int d_q6)
     return there != (int)SST_DISP_NONE && abs(there - d_q6) <= AGREE_Q6;
 }
 
-/* Does view n agree at one of the whole disparities below `steps`? Points of a view lie along a line, so that its
- * pixels are in the cache where the views are gone through one by one. */
+/* True if view n agrees at some whole disparity below `steps`. The points lie along a line of the view: its pixels stay
+ * in the cache for all steps. */
 static bool agrees_somewhere(const struct neighbour *n, int x, int y, int steps)
 {
     const int width = n->disp->width, height = n->disp->height;

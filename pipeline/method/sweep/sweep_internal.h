@@ -49,7 +49,7 @@ struct sweep_costs {
 /** Scratch of a thread. */
 struct sweep_scratch {
     struct sweep_costs costs[SWEEP_TOGETHER];
-    uint8_t *path[2][2], *least[2][2]; /* as those of views */
+    uint8_t *path[2][2], *least[2][2]; /* as in a view */
     uint8_t *down, *up;                /* means of paths, packed: of the rows of a tile, of one row */
     uint8_t *step[8], *choice[5];
 };
