@@ -7,6 +7,7 @@
 #include "base/frame.h"
 
 #define SST_CONFIG_TEXT_MAX     256
+#define SST_CONFIG_PROXIES      8
 #define SST_CONFIG_CONTROLS_MAX 32
 #define SST_CONFIG_LINES_MAX    64
 

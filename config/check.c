@@ -346,6 +346,13 @@ static void check_onvif(const struct config_load *load)
         fault(source(load, "onvif.host", NULL), NULL, "must be an address or a name, without scheme and path");
 }
 
+/* As capture/access/access.h names them. */
+static bool is_right(const char *word)
+{
+    return !strcmp(word, "view") || !strcmp(word, "snapshot") || !strcmp(word, "recordings") ||
+           !strcmp(word, "control");
+}
+
 static void check_sockets(const struct config_load *load)
 {
     const struct sst_config *c = load->cfg;
@@ -357,6 +364,12 @@ static void check_sockets(const struct config_load *load)
               "is longer than 107 bytes, the limit for the path of a socket");
     if (!c->web.tls_certificate[0] != !c->web.tls_key[0])
         fault(source(load, "web.tls_certificate", "web.tls_key"), NULL, "needs both tls_certificate and tls_key");
+    for (int i = 0; i < c->proxy.rights; i++)
+        if (!is_right(c->proxy.right[i]))
+            fault(source(load, "proxy.rights", NULL), NULL, "has %s, which is none of view, snapshot, recordings, control",
+                  c->proxy.right[i]);
+    if (c->proxy.addresses && (!c->proxy.rights || !c->proxy.user_header[0]))
+        fault(source(load, "proxy.addresses", NULL), NULL, "needs user_header and rights as well");
     if (!c->rtsp.user[0] != !c->rtsp.password_file[0])
         fault(source(load, "rtsp.user", "rtsp.password_file"), NULL, "needs both user and password_file");
     if (c->mqtt.password_file[0] && !c->mqtt.user[0])

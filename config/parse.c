@@ -21,6 +21,17 @@ static bool is_address(const char *text)
     return inet_pton(AF_INET, text, bytes) == 1 || inet_pton(AF_INET6, text, bytes) == 1;
 }
 
+/* Scheme and host, and perhaps port and path: links append their own parts. */
+static bool is_url(const char *text)
+{
+    const size_t n = !strncmp(text, "https://", 8) ? 8 : !strncmp(text, "http://", 7) ? 7 : 0;
+
+    for (const char *c = text; *c; c++)
+        if (*c <= ' ' || *c >= 127 || strchr("\"<>\\^`{|}?#@", *c))
+            return false;
+    return n && text[n] && text[n] != '/' && text[n] != ':';
+}
+
 static void fault_event(struct sst_yaml *doc, const struct sst_yaml_node *n)
 {
     char list[300] = "";
@@ -71,6 +82,11 @@ static bool right_kind(struct sst_yaml *doc, const struct sst_yaml_node *n, enum
         if (is_event(n->text))
             return true;
         fault_event(doc, n);
+        return false;
+    case SST_TEXT_URL:
+        if (is_url(n->text))
+            return true;
+        sst_yaml_fault(doc, n, "must be an address such as https://cam.example/, without ? and #, not %.60s", n->text);
         return false;
     case SST_TEXT_POINTS:
         if (config_points(n->text, x, y))

@@ -212,6 +212,7 @@ static const struct sst_key keys[] = {
     { KEY("web", "address", TEXT, web.address, "127.0.0.1", DAEMON), KIND(ADDRESS) },
     { KEY("web", "port", INT, web.port, "8090", DAEMON), RANGE(0, 65535) },
     { KEY("web", "host", TEXT, web.host, "", DAEMON) },
+    { KEY("web", "url", TEXT, web.url, "", DAEMON), KIND(URL) },
     { KEY("web", "token_file", TEXT, web.token_file, "/var/lib/sst/token", DAEMON), KIND(PATH) },
     { KEY("web", "zones_file", TEXT, web.zones_file, "/var/lib/sst/zones.yaml", LIVE), KIND(PATH), .optional = true },
     { KEY("web", "tls_certificate", TEXT, web.tls_certificate, "", LIVE), KIND(FILE), .switches = true },
@@ -221,6 +222,11 @@ static const struct sst_key keys[] = {
     { KEY("web", "streams", INT, web.streams, "32", DAEMON), RANGE(1, 1000) },
     { KEY("web", "stream_hz", DOUBLE, web.stream_hz, "10", DAEMON), RANGE(0.1, 1000) },
     { KEY("web", "views", INT, web.views, "4", LIVE), RANGE(1, 16) },
+
+    { KEY("proxy", "addresses", TEXTS, proxy.address, "[]", DAEMON), KIND(ADDRESS), COUNT(proxy.addresses),
+      STRIDE(proxy.address) },
+    { KEY("proxy", "user_header", TEXT, proxy.user_header, "X-Remote-User", DAEMON) },
+    { KEY("proxy", "rights", TEXTS, proxy.right, "[]", DAEMON), COUNT(proxy.rights), STRIDE(proxy.right) },
 
     { KEY("rtsp", "enabled", BOOL, rtsp.enabled, "false", LIVE) },
     { KEY("rtsp", "address", TEXT, rtsp.address, "127.0.0.1", LIVE), KIND(ADDRESS) },

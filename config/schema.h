@@ -31,6 +31,7 @@ enum sst_text_kind {
     SST_TEXT_TOPIC = 5,   /* MQTT topic without wildcards */
     SST_TEXT_EVENT = 6,   /* type of an event, or "*" */
     SST_TEXT_POINTS = 7,  /* "x,y x,y x,y": a polygon, or a line, in fractions of the picture */
+    SST_TEXT_URL = 8,     /* http://... or https://..., without query and fragment */
 };
 
 #define SST_KEY_NO_COUNT ((size_t)-1)

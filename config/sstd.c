@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "base/file.h"
 #include "base/log.h"
@@ -182,4 +183,23 @@ void sst_config_defaults(struct sst_config *cfg)
     memset(cfg, 0, sizeof(*cfg));
     for (int i = 0; i < count; i++)
         sst_key_set_default(&keys[i], cfg);
+}
+
+void sst_config_page(char out[512], const struct sst_config *cfg)
+{
+    const char *host = cfg->web.host[0] ? cfg->web.host : cfg->web.address, *url = cfg->web.url;
+    const bool any = !strcmp(host, "0.0.0.0") || !strcmp(host, "::"), v6 = strchr(host, ':') != NULL;
+    size_t n = strlen(url);
+    char own[128] = "";
+
+    while (n && url[n - 1] == '/')
+        n--;
+    if (any && !gethostname(own, sizeof(own) - 1))
+        host = own;
+    out[0] = 0;
+    if (cfg->web.enabled && n)
+        snprintf(out, 512, "%.*s", (int)n, url);
+    else if (cfg->web.enabled && cfg->web.port && host[0])
+        snprintf(out, 512, "http%s://%s%s%s:%d", cfg->web.tls_certificate[0] ? "s" : "", v6 && !any ? "[" : "", host,
+                 v6 && !any ? "]" : "", cfg->web.port);
 }

@@ -132,6 +132,7 @@ struct sst_config {
         char address[64]; /* 127.0.0.1 */
         int port;
         char host[256]; /* additional host name under which it is reached (allow-list of Host); "" */
+        char url[SST_CONFIG_TEXT_MAX];        /* address of the page in links, such as a proxy's; "": made of the others */
         char token_file[SST_CONFIG_TEXT_MAX]; /* created at the first start, 0600; beside it TOKEN_FILE.view for viewing
                                                */
         char zones_file[SST_CONFIG_TEXT_MAX]; /* written by the service; "": zones cannot be drawn */
@@ -141,6 +142,12 @@ struct sst_config {
         double stream_hz;     /* maximum pictures per second of each stream */
         int views;            /* maximum clients with their own settings */
     } web;
+    struct { /* proxy: */
+        char address[SST_CONFIG_PROXIES][64];
+        int addresses;
+        char user_header[64], right[4][16];
+        int rights;
+    } proxy;
     struct { /* rtsp: */
         bool enabled;
         char address[64];
@@ -219,6 +226,10 @@ SST_MUST_CHECK int sst_config_read(struct sst_config *cfg, const char *path);
 /** Check the configuration with `zones` in place of web.zones_file, which is not read: would the service accept them?
  *  @param zones  text of such a file */
 SST_MUST_CHECK int sst_config_try_zones(struct sst_config *cfg, const char *path, const char *zones);
+
+/** Address of the page for links, without a final slash: web.url, or made of host or address, port and TLS. @param
+ *  out  [512]; "": there is no page, or its address is not known */
+void sst_config_page(char out[512], const struct sst_config *cfg);
 
 /** The text of web.zones_file for zones. @return to free with free(); NULL: no memory */
 char *sst_zones_text(const struct sst_zone *zone, int zones);

@@ -43,7 +43,7 @@ static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 static struct { /* under lock */
     char record[16], focus[32];
     bool recording, lost;
-    int records, focuses;
+    int records, focuses, snapshots;
     int64_t start_ns;
 } service;
 
@@ -78,6 +78,17 @@ static inline int record(void *arg, const json_t *request, struct sst_api_answer
     snprintf(service.record, sizeof(service.record), "%s", json_string_value(json_object_get(request, "action")));
     service.recording = !strcmp(service.record, "start");
     service.records++;
+    pthread_mutex_unlock(&lock);
+    out->body = json_object();
+    return 0;
+}
+
+static inline int snapshot(void *arg, const json_t *request, struct sst_api_answer *out)
+{
+    (void)arg;
+    assert_int_equal(json_object_size(request), 0);
+    pthread_mutex_lock(&lock);
+    service.snapshots++;
     pthread_mutex_unlock(&lock);
     out->body = json_object();
     return 0;
@@ -136,6 +147,7 @@ static struct sst_api api = { .status = status,
                               .visit_picture = visit_picture,
                               .cameras = cameras,
                               .record = record,
+                              .snapshot = snapshot,
                               .views = views,
                               .view_change = view_change,
                               .slot = get_outlet };
@@ -293,10 +305,11 @@ static inline void write_config(void)
     assert_non_null(f);
     fprintf(f,
             "control: {socket: %s/c.sock, group: \"\"}\n"
+            "web: {url: \"%s\"}\n"
             "zones: [{name: %s, x0: 0, y0: 0, x1: 1, y1: 1}%s]\n"
             "mqtt: {enabled: %s, host: %s, port: %d, topic: %s, picture_s: %g, user: \"%s\", password_file: \"%s\", "
             "ca_file: \"%s\"}\n",
-            test_folder, cfg.zone[0].name,
+            test_folder, cfg.web.url, cfg.zone[0].name,
             cfg.zones > 1 ? ", {name: drive, points: \"0.2,0.5 0.8,0.5\", line: true, direction: forward}" : "", cfg.mqtt.enabled ? "true" : "false", cfg.mqtt.host, cfg.mqtt.port,
             cfg.mqtt.topic, cfg.mqtt.picture_s, cfg.mqtt.user, cfg.mqtt.password_file, cfg.mqtt.ca_file);
     fclose(f);
@@ -366,6 +379,41 @@ static inline void expect_count(const char *words, int n)
         usleep(10000);
     if (heard(words, NULL) != n)
         fail_msg("heard %d times, not %d: %s", heard(words, NULL), n, words);
+}
+
+/* The last announcement of a device, to release; NULL: none that is not empty was heard last. */
+static inline json_t *announced(const char *node)
+{
+    json_t *last = NULL;
+    char words[128];
+
+    snprintf(words, sizeof(words), "homeassistant/device/%s/config ", node);
+    for (char *line = strtok(read_text("heard"), "\n"); line; line = strtok(NULL, "\n")) {
+        if (strncmp(line, words, strlen(words)) != 0)
+            continue;
+        json_decref(last);
+        last = json_loads(line + strlen(words), 0, NULL);
+    }
+    return last;
+}
+
+/* Wait until the last announcement has an entity of this platform, or not. @return the announcement, to release */
+static inline json_t *expect_entity(const char *node, const char *id, const char *platform, bool there)
+{
+    json_t *device = NULL;
+
+    for (int i = 0; i < PATIENCE; i++) {
+        const json_t *p;
+
+        json_decref(device);
+        device = announced(node);
+        p = json_object_get(json_object_get(json_object_get(device, "cmps"), id), "p");
+        if (device && (p && !strcmp(json_string_value(p), platform)) == there)
+            return device;
+        usleep(10000);
+    }
+    fail_msg("the announcement %s %s of platform %s", there ? "lacks" : "has", id, platform);
+    return NULL;
 }
 
 #define MQTT_TEST(name) cmocka_unit_test_setup_teardown(name, setup, teardown)

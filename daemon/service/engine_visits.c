@@ -5,7 +5,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "base/clock.h"
 #include "base/stats.h"
@@ -191,16 +190,12 @@ static void visit_name(char out[64], const struct visit *a)
 /* Address of the visit on the page; "": there is no page, or its address is not known. */
 static void visit_page(char out[512], const struct sst_config *cfg, const char *name)
 {
-    const char *host = cfg->web.host[0] ? cfg->web.host : cfg->web.address;
-    const bool any = !strcmp(host, "0.0.0.0") || !strcmp(host, "::"), v6 = strchr(host, ':') != NULL;
-    char own[128] = "";
+    char page[512];
 
-    if (any && !gethostname(own, sizeof(own) - 1))
-        host = own;
+    sst_config_page(page, cfg);
     out[0] = 0;
-    if (cfg->web.enabled && cfg->web.port && host[0])
-        snprintf(out, 512, "http%s://%s%s%s:%d/#visit=%s", cfg->web.tls_certificate[0] ? "s" : "",
-                 v6 && !any ? "[" : "", host, v6 && !any ? "]" : "", cfg->web.port, name);
+    if (page[0])
+        snprintf(out, 512, "%.400s/#visit=%s", page, name);
 }
 
 static json_t *visit_json_locked(const struct live_engine *v, const struct visit *a, bool active)

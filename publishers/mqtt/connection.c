@@ -101,9 +101,15 @@ static void on_publish(struct mosquitto *client SST_UNUSED, void *arg, int id, i
     m->large_lost = 0;
 }
 
-bool mqtt_subscribe(struct mqtt *m, const char *pattern)
+bool mqtt_subscribe(struct mqtt *m, const char *pattern, int *id)
 {
-    return !mosquitto_subscribe(m->client, NULL, pattern, 0);
+    return !mosquitto_subscribe(m->client, id, pattern, 0);
+}
+
+static void on_subscribe(struct mosquitto *client SST_UNUSED, void *arg, int id, int count SST_UNUSED,
+                         const int *granted SST_UNUSED)
+{
+    mqtt_on_subscribed(arg, id);
 }
 
 static void on_message(struct mosquitto *client SST_UNUSED, void *arg, const struct mosquitto_message *message)
@@ -114,7 +120,7 @@ static void on_message(struct mosquitto *client SST_UNUSED, void *arg, const str
     if (m->stop)
         return;
     if (message->retain && message->payloadlen)
-        mqtt_on_announced(m, message->topic);
+        mqtt_on_announced(m, message->topic, message->payload, (size_t)message->payloadlen);
     if (strncmp(message->topic, m->config->mqtt.topic, n) != 0 || message->topic[n] != '/')
         return;
     if (strcmp(message->topic + n + 1, "available") != 0)
@@ -213,7 +219,7 @@ static const char *reason(int err)
 static void on_connect(struct mosquitto *client, void *arg, int code, int flags SST_UNUSED,
                        const mosquitto_property *properties)
 {
-    static const char *const topics[] = { "record/set", "focus/set", "available" };
+    static const char *const topics[] = { "record/set", "focus/set", "snapshot/set", "available" };
     struct mqtt *m = arg;
     char topic[MQTT_TOPIC_MAX], why[160];
     uint32_t most = 0;
@@ -288,6 +294,7 @@ static int make_client(struct mqtt *m)
     mosquitto_disconnect_v5_callback_set(m->client, on_disconnect);
     mosquitto_publish_v5_callback_set(m->client, on_publish);
     mosquitto_message_callback_set(m->client, on_message);
+    mosquitto_subscribe_callback_set(m->client, on_subscribe);
     return mosquitto_will_set(m->client, topic, 7, "offline", 1, true) ? -ENOMEM : 0;
 }
 
@@ -358,13 +365,14 @@ static bool same_connection(const struct sst_config *a, const struct sst_config 
            !strcmp(a->mqtt.ca_file, b->mqtt.ca_file) && !strcmp(a->mqtt.topic, b->mqtt.topic);
 }
 
-/* Remove the announcements under the old topics. */
-static void withdraw(struct mqtt *m)
+/* Remove the announcement under the old topics, and with `all` all that is retained. */
+static void withdraw(struct mqtt *m, bool all)
 {
     const int64_t end_ns = sst_clock_now_ns() + WITHDRAW_NS;
     bool done = false;
 
-    mqtt_withdraw(m);
+    mqtt_announce_withdraw(m, all);
+    m->withdrawn = all;
     /* Until the broker has them: the connection may be closed next, and what it has not read is lost then. */
     while (!(done && !m->in_flight && !mosquitto_want_write(m->client)) && !m->stop && sst_clock_now_ns() < end_ns) {
         done = mqtt_announce_step(m);
@@ -383,7 +391,7 @@ static void disconnect_politely(struct mqtt *m)
         return;
     m->in_flight = 0; /* this one is always let through */
     m->large = 0;
-    if (!mqtt_publish(m, "available", "offline", 7, MQTT_RETAIN))
+    if (!m->withdrawn && !mqtt_publish(m, "available", "offline", 7, MQTT_RETAIN))
         return;
     m->in_flight += before;
     /* A connection that is closed with receipts unread is reset, and the broker publishes the last will, too. */
@@ -405,15 +413,16 @@ static void close_connection(struct mqtt *m)
 void mqtt_configure(struct mqtt *m, struct sst_config *next)
 {
     struct sst_config *before = m->config;
+    const bool gone = !next->mqtt.enabled || strcmp(before->mqtt.topic, next->mqtt.topic) != 0;
 
-    if (m->up && (strcmp(before->mqtt.topic, next->mqtt.topic) != 0 ||
-                  strcmp(before->mqtt.discovery, next->mqtt.discovery) != 0))
-        withdraw(m);
+    if (m->up && (gone || strcmp(before->mqtt.discovery, next->mqtt.discovery) != 0))
+        withdraw(m, gone);
     if (!same_connection(before, next)) {
         close_connection(m);
         m->id[0] = 0;
         m->shared_id = m->version_311 = false;
         m->short_lives = 0;
+        m->withdrawn = false;
     }
     m->learned_max = 0;
     m->large_lost = 0;

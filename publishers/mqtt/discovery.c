@@ -1,15 +1,11 @@
-/* Home Assistant's MQTT discovery: one retained message per entity of entities.json, all of one device. */
-#define _GNU_SOURCE /* asprintf */
+/* Device of Home Assistant's MQTT discovery: one message with all entities of entities.json. */
 #include <ctype.h>
-#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/text.h"
 #include "publishers/mqtt/mqtt_internal.h"
-
-#define ENTITIES_MAX (SST_CAMERAS_MAX + SST_ZONES_MAX * (6 + SST_ZONE_LABELS) + 48)
 
 __asm__(".section .rodata\nmqtt_entities: .incbin \"publishers/mqtt/entities.json\"\n.byte 0\n.previous");
 extern const char mqtt_entities[];
@@ -18,9 +14,8 @@ struct announcement {
     const struct sst_config *config;
     char node[128], array[160], grid[64]; /* node: the topic as one word */
     const char *part, *label;             /* name of the camera or zone; a label of the zone */
-    json_t *entities;
-    struct mqtt_message *list;
-    int n;
+    char page[512];                       /* address of the page; "": none */
+    json_t *entities, *components;
     bool failed;
 };
 
@@ -34,6 +29,7 @@ static void fill(const struct announcement *a, json_t *within)
         { "$GRID", a->grid },
         { "$PART", a->part },
         { "$LABEL", a->label },
+        { "$PAGE", a->page },
         { "$VERSION", SST_VERSION },
     };
     const char *key, *text = json_string_value(within);
@@ -64,32 +60,26 @@ static void fill(const struct announcement *a, json_t *within)
         (void)json_string_set(within, out);
 }
 
+/* Entities of pictures only where some are published. A name that another platform has is completed by its own. */
 static void add(struct announcement *a, const json_t *entity)
 {
-    struct mqtt_message *m = &a->list[a->n];
-    json_t *o = json_deep_copy(entity);
-    const char *component = json_string_value(json_object_get(entity, "component")), *id;
-    const bool trigger = !strcmp(component, "device_automation");
+    const char *platform = json_string_value(json_object_get(entity, "component"));
+    json_t *o;
+    char id[160];
 
-    if (a->n == ENTITIES_MAX ||
-        (a->config->mqtt.picture_s <= 0 && (!strcmp(component, "camera") || !strcmp(component, "image"))))
-        return json_decref(o);
-    if (!trigger) {
-        json_object_set_new(o, "unique_id", json_sprintf("$NODE_%s", json_string_value(json_object_get(o, "id"))));
-        json_object_set_new(o, "availability_topic", json_string("$TOPIC/available"));
-        json_object_set_new(o, "origin", json_deep_copy(json_object_get(a->entities, "origin")));
-    }
-    json_object_set_new(o, "device", json_deep_copy(json_object_get(a->entities, "device")));
+    if (a->config->mqtt.picture_s <= 0 && (!strcmp(platform, "camera") || !strcmp(platform, "image")))
+        return;
+    o = json_deep_copy(entity);
     fill(a, o);
-    id = json_string_value(json_object_get(o, "id"));
-    if (id && asprintf(&m->topic, "%s/%s/%s/%s/config", a->config->mqtt.discovery, component, a->node, id) < 0)
-        m->topic = NULL;
+    snprintf(id, sizeof(id), "%.120s", o ? json_string_value(json_object_get(o, "id")) : "");
+    if (strcmp(platform, "device_automation") != 0)
+        json_object_set_new(o, "unique_id", json_sprintf("%s_%s", a->node, id));
+    json_object_set_new(o, "p", json_string(platform));
     json_object_del(o, "id");
     json_object_del(o, "component");
-    m->payload = json_dumps(o, JSON_COMPACT);
-    a->failed = a->failed || !m->topic || !m->payload;
-    a->n++;
-    json_decref(o);
+    if (json_object_get(a->components, id))
+        sst_text_add(id, sizeof(id), "-%s", platform);
+    a->failed = json_object_set_new(a->components, id, o) || a->failed;
 }
 
 /* The entities of the array, or of a camera, zone or label. */
@@ -133,36 +123,42 @@ void mqtt_node(char out[128], const struct sst_config *config)
     out[n] = 0;
 }
 
-int mqtt_announcements(struct mqtt_message **out, const struct sst_config *config, const json_t *cameras)
+json_t *mqtt_device(const struct sst_config *config, const json_t *cameras)
 {
     struct announcement a = { .config = config, .entities = json_loads(mqtt_entities, 0, NULL) };
+    json_t *device = json_deep_copy(json_object_get(a.entities, "device")), *whole;
     const bool other = strcmp(config->mqtt.topic, "sst") != 0;
     const json_t *camera;
     size_t i;
 
-    a.list = calloc(ENTITIES_MAX, sizeof(*a.list));
-    a.failed = !a.list || !a.entities;
+    a.components = json_object();
     mqtt_node(a.node, config);
     snprintf(a.array, sizeof(a.array), "%s%s", other ? " " : "", other ? config->mqtt.topic : "");
     snprintf(a.grid, sizeof(a.grid), "%dx%d", config->array.rows, config->array.cols);
-    if (!a.failed)
-        add_all(&a, "array", "", "");
-    json_array_foreach(a.failed ? NULL : json_object_get(cameras, "cameras"), i, camera)
+    sst_config_page(a.page, config);
+    if (!a.page[0])
+        json_object_del(device, "configuration_url");
+    add_all(&a, "array", "", "");
+    json_array_foreach(json_object_get(cameras, "cameras"), i, camera)
     {
         const char *name = json_string_value(json_object_get(camera, "name"));
 
         if (name)
             add_all(&a, "camera", name, "");
     }
-    for (int z = 0; !a.failed && z < config->zones; z++)
+    for (int z = 0; z < config->zones; z++)
         add_zone(&a, &config->zone[z]);
+    whole = json_pack("{s:o, s:O, s:s, s:o}", "dev", device, "o", json_object_get(a.entities, "origin"),
+                      "availability_topic", "", "cmps", a.components);
+    fill(&a, json_object_get(whole, "dev"));
+    fill(&a, json_object_get(whole, "o"));
+    if (whole)
+        json_object_set_new(whole, "availability_topic", json_sprintf("%s/available", config->mqtt.topic));
     json_decref(a.entities);
-    if (a.failed) {
-        mqtt_messages_free(a.list, a.n);
-        return -ENOMEM;
-    }
-    *out = a.list;
-    return a.n;
+    if (!a.failed)
+        return whole;
+    json_decref(whole);
+    return NULL;
 }
 
 void mqtt_messages_free(struct mqtt_message *list, int n)

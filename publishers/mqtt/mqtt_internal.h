@@ -15,10 +15,12 @@
  * - visit, zone/NAME/visit: data of the last visit event; retained
  * - visit/picture, zone/NAME/picture: its JPEG; retained
  * - visit/trigger, zone/NAME/trigger: came, gone
+ * - visit/event, zone/NAME/event: JSON with event_type
  * - zone/NAME/visited, zone/NAME/label/LABEL: ON, OFF; retained
  * - picture: JPEG of the main view; retained
  * - record, record/set: ON, OFF
- * - focus, focus/set: px, or auto */
+ * - focus, focus/set: px, or auto
+ * - snapshot/set: ON */
 
 #define MQTT_TOPIC_MAX     320
 #define MQTT_IN_FLIGHT_MAX 32   /* messages that the broker has not acknowledged; no more are sent */
@@ -49,9 +51,10 @@ struct mqtt_wanted {
     uint32_t zones;
 };
 
-/** A message of the announcement. */
+/** A retained message of the announcement. */
 struct mqtt_message {
     char *topic, *payload;
+    bool late; /* after Home Assistant had time for the ones before */
 };
 
 struct mqtt {
@@ -90,10 +93,16 @@ struct mqtt {
     bool state_changed;                     /* by an event: status and cameras are due */
     int64_t status_ns, picture_ns;          /* when they are due next */
     char camera_state[SST_CAMERAS_MAX][24]; /* as published */
-    struct mqtt_message *announcement;      /* sent after connecting, in order */
+    json_t *device;                         /* announcement; NULL: none */
+    json_t *stale;                          /* {id: component} that the broker's announcement has beyond it */
+    json_t *old;                            /* {topic: component}: announcements of single entities */
+    struct mqtt_message *announcement;      /* to be sent, in order */
     int announcements, announced;
-    int cameras; /* that are announced */
-    bool asked;  /* for retained announcements that are stale */
+    int cameras;                            /* that are announced */
+    bool asked;                             /* for retained announcements */
+    int ask_id;                             /* of the subscription to them */
+    int64_t announce_ns, late_ns;           /* when the list is made, when its late messages are due; INT64_MAX: not */
+    bool withdrawn;                         /* nothing of this topic is left at the broker */
     struct mqtt_visit visit[MQTT_VISITS_MAX];
     struct mqtt_later later[MQTT_LATER_MAX]; /* a ring */
     int first_later, laters;
@@ -131,20 +140,14 @@ enum mqtt_how {
 bool mqtt_publish(struct mqtt *m, const char *topic, const void *payload, size_t bytes, unsigned how);
 /** Publish a message by its whole topic, as mqtt_publish(). */
 bool mqtt_publish_at(struct mqtt *m, const char *topic, const void *payload, size_t bytes, unsigned how);
-/** Subscribe to the retained announcements: mqtt_on_announced() gets them. @return false: try again later */
-bool mqtt_subscribe(struct mqtt *m, const char *pattern);
+/** Subscribe. @param id  out, for mqtt_on_subscribed() @return false: try again later */
+bool mqtt_subscribe(struct mqtt *m, const char *pattern, int *id);
 
 /* --- topics.c ----------------------------------------------------------------------------------------------------- */
 
 void mqtt_topics_begin(struct mqtt *m); /* after connecting, or with another configuration */
 void mqtt_topics_step(struct mqtt *m);  /* publish all that is due */
 void mqtt_topics_reset(struct mqtt *m); /* the connection is gone */
-/** Send the rest of the announcements. @return true: all are sent */
-bool mqtt_announce_step(struct mqtt *m);
-/** Have the next calls of mqtt_announce_step() remove the announcements. */
-void mqtt_withdraw(struct mqtt *m);
-/** A retained announcement at the broker: a stale one of this array is removed. */
-void mqtt_on_announced(struct mqtt *m, const char *topic);
 void mqtt_on_command(struct mqtt *m, const char *topic, const void *payload, size_t bytes, bool retained);
 
 /* --- visits.c ----------------------------------------------------------------------------------------------------- */
@@ -165,13 +168,29 @@ bool mqtt_visits_step(struct mqtt *m);
 /** Fetch and send a picture of a visit. @return false: none is wanted */
 bool mqtt_visits_picture(struct mqtt *m);
 
+/* --- announce.c --------------------------------------------------------------------------------------------------- */
+
+/** Announce the device: what the broker has of it is asked for first. */
+void mqtt_announce_begin(struct mqtt *m);
+/** The cameras may be others. @param cameras  answer of the API */
+void mqtt_announce_cameras(struct mqtt *m, const json_t *cameras);
+/** Send what is due. @return true: all is sent but what must wait */
+bool mqtt_announce_step(struct mqtt *m);
+/** Have the next calls of mqtt_announce_step() remove the announcement. @param all  and all retained messages */
+void mqtt_announce_withdraw(struct mqtt *m, bool all);
+/** The broker has answered a subscription. */
+void mqtt_on_subscribed(struct mqtt *m, int id);
+/** A retained message of the broker: of an announcement of this array it finds what is stale. */
+void mqtt_on_announced(struct mqtt *m, const char *topic, const void *payload, size_t bytes);
+void mqtt_announce_reset(struct mqtt *m);
+
 /* --- discovery.c -------------------------------------------------------------------------------------------------- */
 
 /** The array's name as one word, within topics. */
 void mqtt_node(char out[128], const struct sst_config *config);
-/** Announcements of all entities, to free with mqtt_messages_free(). @param cameras  answer of the API, or NULL
- *  @return number of messages, or -ENOMEM */
-int mqtt_announcements(struct mqtt_message **out, const struct sst_config *config, const json_t *cameras);
+/** Announcement of the device with all its entities. @param cameras  answer of the API, or NULL @return NULL: no memory
+ */
+json_t *mqtt_device(const struct sst_config *config, const json_t *cameras);
 void mqtt_messages_free(struct mqtt_message *list, int n);
 
 #endif

@@ -131,8 +131,6 @@ static void publish_status(struct mqtt *m)
     json_decref(answer);
 }
 
-static void add_announcements(struct mqtt *m);
-
 /* Cameras with a state other than the published one. */
 static void publish_cameras(struct mqtt *m)
 {
@@ -142,8 +140,7 @@ static void publish_cameras(struct mqtt *m)
 
     if (sst_publisher_ask(&m->publisher, "/api/v1/cameras", NULL, &answer, NULL))
         return;
-    if ((int)json_array_size(json_object_get(answer, "cameras")) != m->cameras && mqtt_announce_step(m))
-        add_announcements(m); /* they were opened after connecting */
+    mqtt_announce_cameras(m, answer);
     json_array_foreach(json_object_get(answer, "cameras"), i, camera)
     {
         const char *name = json_string_value(json_object_get(camera, "name"));
@@ -247,102 +244,6 @@ static void publish_picture(struct mqtt *m, int64_t now_ns)
 
 /* --- due work ----------------------------------------------------------------------------------------------------- */
 
-static void free_announcements(struct mqtt *m)
-{
-    mqtt_messages_free(m->announcement, m->announcements);
-    m->announcement = NULL;
-    m->announcements = m->announced = 0;
-}
-
-static void add_announcements(struct mqtt *m)
-{
-    json_t *answer = NULL;
-    int n;
-
-    free_announcements(m);
-    if (sst_publisher_ask(&m->publisher, "/api/v1/cameras", NULL, &answer, NULL))
-        answer = NULL;
-    m->cameras = (int)json_array_size(json_object_get(answer, "cameras"));
-    n = m->config->mqtt.discovery[0] ? mqtt_announcements(&m->announcement, m->config, answer) : 0;
-    json_decref(answer);
-    m->announcements = sst_max_int(n, 0);
-    m->asked = !m->announcements;
-}
-
-bool mqtt_announce_step(struct mqtt *m)
-{
-    char node[128], pattern[MQTT_TOPIC_MAX];
-
-    while (m->announced < m->announcements) {
-        const struct mqtt_message *h = &m->announcement[m->announced];
-
-        if (!mqtt_publish_at(m, h->topic, h->payload, strlen(h->payload), MQTT_SURE | MQTT_RETAIN))
-            return false;
-        m->announced++;
-    }
-    if (!m->asked) {
-        mqtt_node(node, m->config);
-        snprintf(pattern, sizeof(pattern), "%s/+/%s/+/config", m->config->mqtt.discovery, node);
-        m->asked = mqtt_subscribe(m, pattern);
-    }
-    return true;
-}
-
-void mqtt_withdraw(struct mqtt *m)
-{
-    for (int i = 0; i < m->announcements; i++)
-        m->announcement[i].payload[0] = 0; /* an empty retained message removes the one before */
-    m->announced = 0;
-    m->asked = true;
-}
-
-/* The id of an entity in "PREFIX/COMPONENT/NODE/ID/config" of ours. @return false: another's topic */
-static bool read_id(const struct mqtt *m, const char *topic, char id[96])
-{
-    const size_t n = strlen(m->config->mqtt.discovery);
-    char node[128];
-    int end = 0;
-
-    mqtt_node(node, m->config);
-    if (strncmp(topic, m->config->mqtt.discovery, n) != 0 || topic[n] != '/')
-        return false;
-    topic += n + 1;
-    topic += strcspn(topic, "/");
-    topic += *topic == '/';
-    if (strncmp(topic, node, strlen(node)) != 0 || topic[strlen(node)] != '/')
-        return false;
-    return sscanf(topic + strlen(node) + 1, "%95[^/]/config%n", id, &end) == 1 && end &&
-           !topic[strlen(node) + 1 + (size_t)end];
-}
-
-void mqtt_on_announced(struct mqtt *m, const char *topic)
-{
-    /* Retained states of zones that are gone. */
-    static const char *const states[][2] = { { "zone_", "zone/%s/motion" },
-                                             { "visited_", "zone/%s/visited" },
-                                             { "visit_", "zone/%s/visit" },
-                                             { "picture_", "zone/%s/picture" } };
-    char id[96], state[128];
-
-    if (!m->config->mqtt.discovery[0] || !read_id(m, topic, id))
-        return;
-    for (int i = 0; i < m->announcements; i++)
-        if (!strcmp(m->announcement[i].topic, topic))
-            return;
-    if (!m->announcements || (!m->cameras && !strncmp(id, "camera_", 7)))
-        return; /* which cameras there are is not known yet */
-    if (!mqtt_publish_at(m, topic, "", 0, MQTT_SURE | MQTT_RETAIN))
-        m->asked = false; /* once more, later */
-    for (size_t i = 0; i < ARRAY_LEN(states); i++) {
-        const size_t n = strlen(states[i][0]);
-
-        if (strncmp(id, states[i][0], n) != 0)
-            continue;
-        snprintf(state, sizeof(state), states[i][1], id + n);
-        (void)mqtt_publish(m, state, "", 0, MQTT_SURE | MQTT_RETAIN);
-    }
-}
-
 /* Once a second at most: another program may say the opposite as often. */
 static void publish_online(struct mqtt *m)
 {
@@ -357,7 +258,7 @@ static void publish_online(struct mqtt *m)
 void mqtt_topics_begin(struct mqtt *m)
 {
     mqtt_topics_reset(m);
-    add_announcements(m);
+    mqtt_announce_begin(m);
     m->online_due = true;
     m->online_ns = -ONLINE_NS;
     publish_online(m);
@@ -387,7 +288,7 @@ void mqtt_topics_step(struct mqtt *m)
 
 void mqtt_topics_reset(struct mqtt *m)
 {
-    free_announcements(m);
+    mqtt_announce_reset(m);
     memset(m->camera_state, 0, sizeof(m->camera_state));
 }
 
@@ -428,6 +329,19 @@ static int focus(struct mqtt *m, const char *text, json_t **answer, char *why)
     return err;
 }
 
+static int snapshot(struct mqtt *m, const char *text, json_t **answer, char *why)
+{
+    json_t *request = json_object();
+    int err = -EINVAL;
+
+    if (strcasecmp(text, "ON") != 0)
+        snprintf(why, SST_LOG_MAX, "it must be ON");
+    else
+        err = request ? sst_publisher_ask(&m->publisher, "/api/v1/snapshot", request, answer, why) : -ENOMEM;
+    json_decref(request);
+    return err;
+}
+
 void mqtt_on_command(struct mqtt *m, const char *topic, const void *payload, size_t bytes, bool retained)
 {
     char text[40], why[SST_LOG_MAX] = "";
@@ -444,6 +358,8 @@ void mqtt_on_command(struct mqtt *m, const char *topic, const void *payload, siz
         err = record(m, text, &answer, why);
     else if (!strcmp(topic, "focus/set"))
         err = focus(m, text, &answer, why);
+    else if (!strcmp(topic, "snapshot/set"))
+        err = snapshot(m, text, &answer, why);
     else
         return;
     if (err)

@@ -46,6 +46,22 @@ static void later(struct mqtt *m, bool retain, const char *payload, const char *
     free(l->payload);
 }
 
+/* For an event entity: its type and what is known. @param zone  NULL: anywhere */
+static void later_event(struct mqtt *m, const char *type, const json_t *data, const char *zone)
+{
+    json_t *o = json_deep_copy(data);
+    char *text;
+
+    json_object_set_new(o, "event_type", json_string(type));
+    text = json_dumps(o, JSON_COMPACT | JSON_REAL_PRECISION(6));
+    if (text && zone)
+        later(m, false, text, "zone/%s/event", zone);
+    else if (text)
+        later(m, false, text, "visit/event");
+    free(text);
+    json_decref(o);
+}
+
 bool mqtt_visits_step(struct mqtt *m)
 {
     while (m->laters) {
@@ -151,8 +167,10 @@ void mqtt_on_visit(struct mqtt *m, const json_t *data)
         return;
     }
     later(m, true, text, "visit");
-    if (!active || !v)
+    if (!active || !v) {
         later(m, false, active ? "came" : "gone", "visit/trigger");
+        later_event(m, active ? "visit_began" : "visit_ended", data, NULL);
+    }
     if (active && !v)
         v = find(m, "");
     if (v) {
@@ -166,8 +184,10 @@ void mqtt_on_visit(struct mqtt *m, const json_t *data)
         if (!(zones & 1u << i) || m->config->zone[i].line)
             continue;
         later(m, true, text, "zone/%s/visit", zone);
-        if (!active || !(before & 1u << i))
+        if (!active || !(before & 1u << i)) {
             later(m, false, active ? "came" : "gone", "zone/%s/trigger", zone);
+            later_event(m, active ? "visit_began" : "visit_ended", data, zone);
+        }
         publish_zone(m, i);
     }
     if (m->config->mqtt.picture_s > 0)
@@ -187,6 +207,7 @@ void mqtt_on_line(struct mqtt *m, const json_t *data)
             continue;
         later(m, true, text, "zone/%s/crossed", m->config->zone[i].name);
         later(m, false, direction, "zone/%s/trigger", m->config->zone[i].name);
+        later_event(m, !strcmp(direction, "forward") ? "crossed_forward" : "crossed_backward", data, name);
         if (m->config->mqtt.picture_s > 0 && is_visit(visit))
             want_picture(m, visit, 1u << i);
     }

@@ -49,53 +49,64 @@ static void state_and_events_are_published(void **state)
     expect_heard("sst/available offline", NULL);
 }
 
-/* Every entity of the announcement names topics that are told, and belongs to the one device. */
+/* One message announces all entities; each names topics that are published. */
 static void home_assistant_finds_the_array(void **state)
 {
-    static const char *const ids[] = { "sensor/sst/state",
-                                       "binary_sensor/sst/problem",
-                                       "sensor/sst/rate",
-                                       "switch/sst/record",
-                                       "camera/sst/picture",
-                                       "sensor/sst/latency",
-                                       "sensor/sst/removed",
-                                       "sensor/sst/free",
-                                       "binary_sensor/sst/camera_r0c1",
-                                       "sensor/sst/storage",
-                                       "sensor/sst/live_rate",
-                                       "binary_sensor/sst/zone_gate",
-                                       "binary_sensor/sst/cameras" };
-    char line[2048], words[128];
+    static const char *const ids[][2] = { { "state", "sensor" },
+                                          { "problem", "binary_sensor" },
+                                          { "rate", "sensor" },
+                                          { "record", "switch" },
+                                          { "picture", "camera" },
+                                          { "latency", "sensor" },
+                                          { "removed", "sensor" },
+                                          { "free", "sensor" },
+                                          { "camera_r0c1", "binary_sensor" },
+                                          { "storage", "sensor" },
+                                          { "live_rate", "sensor" },
+                                          { "zone_gate", "binary_sensor" },
+                                          { "focus", "number" },
+                                          { "visits", "event" },
+                                          { "visits_gate", "event" },
+                                          { "cameras", "binary_sensor" } };
+    json_t *device, *dev, *o;
 
     (void)state;
     start_broker("allow_anonymous true");
+    strcpy(cfg.web.url, "https://cam.example/array/");
     open_mqtt();
     expect_connected();
     subscribe(); /* later: all of it is retained */
+    device = expect_entity("sst", "camera_r0c1", "binary_sensor", true);
+    dev = json_object_get(device, "dev");
+    assert_string_equal(json_string_value(json_array_get(json_object_get(dev, "identifiers"), 0)), "sst");
+    assert_string_equal(json_string_value(json_object_get(dev, "configuration_url")), "https://cam.example/array");
+    assert_string_equal(json_string_value(json_object_get(json_object_get(device, "o"), "name")), "sstd");
+    assert_string_equal(json_string_value(json_object_get(device, "availability_topic")), "sst/available");
     for (size_t i = 0; i < ARRAY_LEN(ids); i++) {
         const char *topic;
-        json_t *o;
+        char unique[64];
 
-        snprintf(words, sizeof(words), "homeassistant/%s/config {", ids[i]);
-        expect_heard(words, line);
-        o = json_loads(strchr(line, '{'), 0, NULL);
-        assert_non_null(o);
-        assert_string_equal(json_string_value(json_object_get(o, "availability_topic")), "sst/available");
-        assert_string_equal(
-            json_string_value(json_array_get(json_object_get(json_object_get(o, "device"), "identifiers"), 0)), "sst");
-        assert_non_null(json_object_get(o, "unique_id"));
-        topic = json_string_value(json_object_get(o, strncmp(ids[i], "camera/", 7) ? "state_topic" : "topic"));
+        print_message("%s\n", ids[i][0]);
+        o = json_object_get(json_object_get(device, "cmps"), ids[i][0]);
+        assert_string_equal(json_string_value(json_object_get(o, "p")), ids[i][1]);
+        snprintf(unique, sizeof(unique), "sst_%s", ids[i][0]);
+        assert_string_equal(json_string_value(json_object_get(o, "unique_id")), unique);
+        topic = json_string_value(json_object_get(o, strcmp(ids[i][1], "camera") ? "state_topic" : "topic"));
         assert_non_null(topic);
         assert_int_equal(strncmp(topic, "sst/", 4), 0);
-        if (!strcmp(ids[i], "binary_sensor/sst/problem"))
+        if (!strcmp(ids[i][0], "problem"))
             assert_contains(json_string_value(json_object_get(o, "value_template")), "not value_json.too_slow");
-        if (!strcmp(ids[i], "binary_sensor/sst/problem")) /* not of a loop of recordings that fills its quota */
+        if (!strcmp(ids[i][0], "problem")) /* not of a loop of recordings that fills its quota */
             assert_non_null(strstr(json_string_value(json_object_get(o, "value_template")),
                                    "value_json.storage == 'LOW' and value_json.storage_limit == 'quota'"));
-        if (!strncmp(ids[i], "switch/", 7))
-            assert_string_equal(json_string_value(json_object_get(o, "command_topic")), "sst/record/set");
-        json_decref(o);
+        if (!strcmp(ids[i][0], "record") || !strcmp(ids[i][0], "focus"))
+            assert_contains(json_string_value(json_object_get(o, "command_topic")), "/set");
     }
+    o = json_object_get(json_object_get(device, "cmps"), "snapshot");
+    assert_string_equal(json_string_value(json_object_get(o, "p")), "button");
+    assert_string_equal(json_string_value(json_object_get(o, "command_topic")), "sst/snapshot/set");
+    json_decref(device);
+    assert_int_equal(heard("homeassistant/sensor", NULL), 0);
 }
 
 static void configure(void)
@@ -104,36 +115,80 @@ static void configure(void)
     sst_events_emit(api.events, SST_EVENT_INFO, "reload", NULL, "configuration applied");
 }
 
-/* Announcements follow the configuration, after a reload and after a restart with another one. */
+/* Announcements follow the configuration, after a reload and after a restart with another one. Entities of earlier
+ * versions are marked before the device comes, and their topics emptied after it. */
 static void zones_come_and_go(void **state)
 {
+    static const char gate[] = "homeassistant/binary_sensor/sst/zone_gate/config ";
+    json_t *device;
+    char *text;
+
     (void)state;
     start_broker("allow_anonymous true");
-    publish("homeassistant/binary_sensor/sst/zone_old/config", "{\"of\": \"before the restart\"}", true);
+    publish("homeassistant/binary_sensor/sst/zone_old/config", "{\"state_topic\": \"sst/zone/old/motion\"}", true);
+    publish("homeassistant/binary_sensor/sst/zone_gate/config", "{\"of\": \"an earlier version\"}", true);
     publish("homeassistant/binary_sensor/other/zone_old/config", "{\"of\": \"another array\"}", true);
+    publish("homeassistant/device/sst/config",
+            "{\"cmps\": {\"zone_lane\": {\"p\": \"binary_sensor\", \"state_topic\": \"sst/zone/lane/motion\"}}}", true);
     publish("sst/zone/old/motion", "ON", true);
+    publish("sst/zone/lane/motion", "ON", true);
     subscribe();
     open_mqtt();
-    expect_heard("homeassistant/binary_sensor/sst/zone_gate/config {", NULL);
-    expect_count("homeassistant/binary_sensor/sst/zone_old/config ", 2);
+    json_decref(expect_entity("sst", "zone_gate", "binary_sensor", true));
+    expect_count("homeassistant/binary_sensor/sst/zone_old/config ", 2); /* the second is empty */
+    expect_count("homeassistant/binary_sensor/sst/zone_gate/config ", 3);
+    expect_count("homeassistant/binary_sensor/sst/zone_gate/config {\"migrate_discovery\":true}", 1);
     expect_heard("sst/zone/old/motion ", NULL);
+    expect_count("sst/zone/lane/motion ", 2);
+    /* Removed by its platform alone, then no longer named. */
+    text = strstr(read_text("heard"), "\"zone_lane\":{\"p\":\"binary_sensor\"}");
+    assert_non_null(text);
+    device = announced("sst");
+    assert_null(json_object_get(json_object_get(device, "cmps"), "zone_lane"));
+    json_decref(device);
+    /* Marker, device, empty topic: in this order. */
+    text = strstr(read_text("heard"), "zone_gate/config {\"migrate");
+    assert_non_null(text);
+    text = strstr(text, "homeassistant/device/sst/config {");
+    assert_non_null(text);
+    text = strstr(text, gate);
+    assert_non_null(text);
+    assert_int_equal(text[strlen(gate)], '\n');
     assert_int_equal(heard("homeassistant/binary_sensor/other/zone_old/config ", NULL), 1);
-    assert_int_equal(heard("homeassistant/binary_sensor/sst/zone_gate/config ", NULL), 1);
     motion(true);
     expect_heard("sst/zone/gate/motion ON", NULL);
 
     strcpy(cfg.zone[0].name, "door");
     cfg.mqtt.picture_s = 0;
     configure();
-    expect_heard("homeassistant/binary_sensor/sst/zone_door/config {", NULL);
-    expect_count("homeassistant/binary_sensor/sst/zone_gate/config ", 2); /* the second is empty */
-    expect_count("homeassistant/camera/sst/picture/config ", 2);
-    expect_count("sst/zone/gate/motion ", 2);
-    assert_int_equal(heard("homeassistant/binary_sensor/sst/zone_gate/config {", NULL), 1);
+    json_decref(expect_entity("sst", "zone_door", "binary_sensor", true));
+    json_decref(expect_entity("sst", "zone_gate", "binary_sensor", false));
+    json_decref(expect_entity("sst", "picture", "camera", false));
+    expect_count("sst/zone/gate/motion ", 2); /* the second is empty */
     assert_int_equal(connects(), 1);
 }
 
-/* Another topic, another broker, none: without a restart. */
+/* Is anything of a topic retained by the broker? */
+static void nothing_is_retained(const char *below, const char *node)
+{
+    char number[16], line[256], device[256];
+    pid_t pid;
+    int ended;
+
+    snprintf(number, sizeof(number), "%d", port);
+    snprintf(line, sizeof(line), "%s/#", below);
+    snprintf(device, sizeof(device), "homeassistant/device/%s/config", node);
+    unlink(test_path("retained"));
+    publish("end/of/retained", "yes", true);
+    pid = run((const char *const[]){ "timeout", "60", "mosquitto_sub", "-h", "127.0.0.1", "-p", number, "-t", line, "-t",
+                                     device, "-t", "end/of/retained", "-F", "%t %p", "--retained-only", "-C",
+                                     "1", NULL }, /* they come in the order of these topics */
+              "retained");
+    assert_int_equal(waitpid(pid, &ended, 0), pid);
+    assert_string_equal(read_text("retained"), "end/of/retained yes\n");
+}
+
+/* Another topic, another broker, none: without a restart, and without leftovers. */
 static void connection_follows_the_configuration(void **state)
 {
     const int first = port;
@@ -147,18 +202,19 @@ static void connection_follows_the_configuration(void **state)
     cfg.mqtt.enabled = true;
     configure();
     expect_heard("sst/available online", NULL);
-    expect_heard("homeassistant/binary_sensor/sst/zone_gate/config {", NULL); /* the last */
+    json_decref(expect_entity("sst", "zone_gate", "binary_sensor", true));
+    expect_heard("sst/camera/r0c1/state streaming", NULL);
     strcpy(cfg.mqtt.topic, "roof/array");
     configure();
     expect_heard("roof/array/available online", NULL);
-    expect_heard("homeassistant/binary_sensor/roof_array/zone_gate/config {", NULL);
-    expect_count("sst/available offline", 1);
-    expect_count("homeassistant/switch/sst/record/config ", 2);
-    expect_count("homeassistant/binary_sensor/sst/camera_r0c1/config ", 2);
+    json_decref(expect_entity("roof_array", "zone_gate", "binary_sensor", true));
+    assert_null(announced("sst"));
+    nothing_is_retained("sst", "sst");
+    expect_heard("roof/array/camera/r0c1/state streaming", NULL);
     cfg.mqtt.enabled = false;
     configure();
-    expect_heard("roof/array/available offline", NULL);
-    assert_int_equal(heard("homeassistant/switch/roof_array/record/config ", NULL), 1); /* it is only away */
+    expect_count("roof/array/available ", 2); /* online, and empty */
+    nothing_is_retained("roof/array", "roof_array");
 
     first_broker = broker;
     port = free_port();
@@ -186,6 +242,8 @@ static void commands_reach_the_service(void **state)
     expect_heard("sst/record OFF", NULL);
     publish("sst/record/set", "ON", false);
     expect_heard("sst/record ON", NULL);
+    publish("sst/snapshot/set", "perhaps", false);
+    publish("sst/snapshot/set", "ON", false);
     publish("sst/focus/set", "7.25", false);
     expect_heard("sst/focus 7.25", NULL);
     publish("sst/focus/set", "nan", false);
@@ -206,6 +264,7 @@ static void commands_reach_the_service(void **state)
     assert_string_equal(service.focus, "null");
     assert_int_equal(service.records, 2); /* senseless ones did not reach it */
     assert_int_equal(service.focuses, 2);
+    assert_int_equal(service.snapshots, 1);
     pthread_mutex_unlock(&lock);
 }
 

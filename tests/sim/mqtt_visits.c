@@ -12,16 +12,16 @@ static void visit(const char *name, bool active, const char *label, const char *
 /* Visits in a zone by label; the last visit with its picture and address; triggers. */
 static void visits_reach_home_assistant(void **state)
 {
-    static const char *const ids[] = { "binary_sensor/sst/visited_gate",
-                                       "sensor/sst/visit_gate",
-                                       "binary_sensor/sst/label_Pedestrian_gate",
-                                       "sensor/sst/last_visit",
-                                       "image/sst/picture_gate",
-                                       "image/sst/visit_picture",
-                                       "device_automation/sst/began_gate",
-                                       "device_automation/sst/ended_anywhere_" };
-    char line[2048], words[128];
-    json_t *o;
+    static const char *const ids[][2] = { { "visited_gate", "binary_sensor" },
+                                          { "visit_gate", "sensor" },
+                                          { "label_Pedestrian_gate", "binary_sensor" },
+                                          { "last_visit", "sensor" },
+                                          { "picture_gate", "image" },
+                                          { "visit_picture", "image" },
+                                          { "began_gate", "device_automation" },
+                                          { "ended_anywhere_", "device_automation" } };
+    json_t *device, *o;
+    char line[2048];
 
     (void)state;
     start_broker("allow_anonymous true");
@@ -31,18 +31,16 @@ static void visits_reach_home_assistant(void **state)
     open_mqtt();
     expect_heard("sst/event/camera-back {", NULL); /* events arrive now, too */
     for (size_t i = 0; i < ARRAY_LEN(ids); i++) {
-        snprintf(words, sizeof(words), "homeassistant/%s/config {", ids[i]);
-        expect_heard(words, line);
-        o = json_loads(strchr(line, '{'), 0, NULL);
-        assert_non_null(json_object_get(o, "device"));
-        if (!strncmp(ids[i], "image/", 6))
+        device = expect_entity("sst", ids[i][0], ids[i][1], true);
+        o = json_object_get(json_object_get(device, "cmps"), ids[i][0]);
+        if (!strcmp(ids[i][1], "image"))
             assert_string_equal(json_string_value(json_object_get(o, "content_type")), "image/jpeg");
-        if (!strcmp(ids[i], "device_automation/sst/began_gate")) {
+        if (!strcmp(ids[i][0], "began_gate")) {
             assert_string_equal(json_string_value(json_object_get(o, "topic")), "sst/zone/gate/trigger");
             assert_string_equal(json_string_value(json_object_get(o, "payload")), "came");
             assert_string_equal(json_string_value(json_object_get(o, "subtype")), "gate");
         }
-        json_decref(o);
+        json_decref(device);
     }
     expect_heard("sst/zone/gate/visited OFF", NULL);
     visit("a-1", true, "Pedestrian", "[]");
@@ -65,6 +63,12 @@ static void visits_reach_home_assistant(void **state)
     assert_int_equal(heard("sst/zone/gate/trigger came", NULL), 2);
     assert_int_equal(heard("sst/zone/gate/trigger gone", NULL), 2);
     assert_int_equal(heard("sst/visit/trigger came", NULL), 2);
+    expect_heard("sst/zone/gate/event {", line); /* event entities */
+    o = json_loads(strchr(line, '{'), 0, NULL);
+    assert_string_equal(json_string_value(json_object_get(o, "event_type")), "visit_ended");
+    assert_string_equal(json_string_value(json_object_get(o, "label")), "Car");
+    json_decref(o);
+    assert_int_equal(heard("sst/visit/event {", NULL), 4);
     visit("c-3", true, "Car", "[\"gate\"]"); /* and then the service is started anew */
     expect_count("sst/zone/gate/visited ON", 4);
     sst_events_emit(api.events, SST_EVENT_INFO, "start", NULL, "anew");
@@ -109,8 +113,8 @@ static void who_is_hidden_is_said_to_be(void **state)
 /* A line has no motion and nobody in it; a crossing is a message, a trigger and a picture. */
 static void lines_are_crossed(void **state)
 {
+    json_t *device, *o;
     char line[2048];
-    json_t *o;
 
     (void)state;
     cfg.zones = 2;
@@ -118,13 +122,14 @@ static void lines_are_crossed(void **state)
     start_broker("allow_anonymous true");
     subscribe();
     open_mqtt();
-    expect_heard("homeassistant/sensor/sst/crossed_drive/config {", NULL);
-    expect_heard("homeassistant/device_automation/sst/forward_drive/config {", line);
-    o = json_loads(strchr(line, '{'), 0, NULL);
+    device = expect_entity("sst", "crossed_drive", "sensor", true);
+    assert_null(json_object_get(json_object_get(device, "cmps"), "zone_drive"));
+    assert_null(json_object_get(json_object_get(device, "cmps"), "backward_drive"));
+    o = json_object_get(json_object_get(device, "cmps"), "forward_drive");
     assert_string_equal(json_string_value(json_object_get(o, "topic")), "sst/zone/drive/trigger");
     assert_string_equal(json_string_value(json_object_get(o, "payload")), "forward");
     assert_string_equal(json_string_value(json_object_get(o, "type")), "crossed_forward");
-    json_decref(o);
+    json_decref(device);
     visit("f-6", true, "Pedestrian", "[]");
     expect_heard("sst/visit {\"visit\":\"f-6\"", NULL);
     sst_events_emit(api.events, SST_EVENT_INFO, "line",
@@ -134,12 +139,12 @@ static void lines_are_crossed(void **state)
     expect_heard("sst/event/line {", NULL);
     expect_heard("sst/zone/drive/crossed {\"zone\":\"drive\",\"direction\":\"forward\"", NULL);
     expect_heard("sst/zone/drive/trigger forward", NULL);
+    expect_heard("sst/zone/drive/event {", line);
+    assert_non_null(strstr(line, "\"event_type\":\"crossed_forward\""));
     expect_heard("sst/zone/drive/picture PICTURE of f-6 0", NULL);
     visit("f-6", false, "Pedestrian", "[\"drive\"]");
     expect_heard("sst/visit/trigger gone", NULL);
     assert_int_equal(heard("sst/zone/drive/visited", NULL), 0);
-    assert_int_equal(heard("homeassistant/binary_sensor/sst/zone_drive", NULL), 0);
-    assert_int_equal(heard("homeassistant/device_automation/sst/backward_drive", NULL), 0);
 }
 
 int main(void)

@@ -293,6 +293,9 @@ static void single_faults_are_told(void **state)
         { "control: { socket: run/s }\n", "must be an absolute path" },
         { "web: { address: localhost }\n", "must be a numeric address such as 127.0.0.1" },
         { "web: { address: 10.0.0.1 }\n", "1:17: address 10.0.0.1 is open to the network" },
+        { "web: { url: cam.example }\n", "must be an address such as https://cam.example/" },
+        { "web: { url: 'https://cam.example/?a=b' }\n", "without ? and #" },
+        { "web: { url: 'javascript://x' }\n", "must be an address such as" },
         { "web: { tls_key: /etc/hosts }\n", "needs both tls_certificate and tls_key" },
         { "web: { clients: 3 }\n", "must not exceed clients (3)" },
         { "web: { port: 65536 }\n", "0..65535" },
@@ -522,6 +525,38 @@ static void differences_are_told(void **state)
     free(list);
 }
 
+/* The page's address in links: made of its parts, or as web.url says. */
+static void page_of_links(void **state)
+{
+    static const struct {
+        const char *host, *address, *url, *certificate, *page;
+        int port;
+    } cases[] = {
+        { "", "127.0.0.1", "", "", "http://127.0.0.1:8090", 8090 },
+        { "", "::1", "", "/c.pem", "https://[::1]:443", 443 },
+        { "cam.example", "0.0.0.0", "", "", "http://cam.example:8090", 8090 },
+        { "cam.example", "127.0.0.1", "https://door.example/sst//", "", "https://door.example/sst", 0 },
+        { "", "127.0.0.1", "", "", "", 0 },
+    };
+    char page[512];
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
+        sst_config_defaults(&cfg);
+        strcpy(cfg.web.host, cases[i].host);
+        strcpy(cfg.web.address, cases[i].address);
+        strcpy(cfg.web.url, cases[i].url);
+        strcpy(cfg.web.tls_certificate, cases[i].certificate);
+        cfg.web.port = cases[i].port;
+        sst_config_page(page, &cfg);
+        assert_string_equal(page, cases[i].page);
+    }
+    cfg.web.enabled = false;
+    strcpy(cfg.web.url, "https://door.example");
+    sst_config_page(page, &cfg);
+    assert_string_equal(page, "");
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -537,6 +572,7 @@ int main(void)
         cmocka_unit_test(the_array_alone_leaves_the_service_alone),
         cmocka_unit_test(drawn_zones_replace_others),
         cmocka_unit_test(differences_are_told),
+        cmocka_unit_test(page_of_links),
     };
 
     return cmocka_run_group_tests(tests, setup, test_folder_remove);
