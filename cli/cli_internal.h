@@ -145,10 +145,10 @@ SST_MUST_CHECK int cli_write_json(const json_t *root, const char *dir, const cha
 void cli_progress(void *title, double done);
 void cli_progress_end(void);
 
-extern const struct cli_command cli_batch, cli_board, cli_calibrate, cli_calibration, cli_cameras, cli_capture,
+extern const struct cli_command cli_audit, cli_batch, cli_board, cli_calibrate, cli_calibration, cli_cameras, cli_capture,
     cli_demo, cli_doctor, cli_eval, cli_events, cli_export, cli_identify, cli_import, cli_models, cli_plan, cli_poses, cli_process,
     cli_record, cli_recording, cli_rectify, cli_reload, cli_render, cli_scene, cli_segment, cli_snapshot, cli_status,
-    cli_find, cli_stereo, cli_sweep, cli_topology, cli_verify, cli_version;
+    cli_find, cli_stereo, cli_sweep, cli_token, cli_topology, cli_verify, cli_version;
 
 /* --- child: programs that a command starts. --- */
 

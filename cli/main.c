@@ -18,7 +18,7 @@ static const struct cli_command *const commands[] = {
     &cli_process,  &cli_batch,  &cli_render,      &cli_sweep,   &cli_find,      &cli_stereo,  &cli_segment,
     &cli_models,   &cli_eval,   &cli_board,       &cli_capture, &cli_calibrate, &cli_cameras, &cli_identify,
     &cli_topology, &cli_plan,   &cli_calibration, &cli_doctor,  &cli_status,    &cli_events,  &cli_snapshot,
-    &cli_record,   &cli_verify, &cli_reload,      &cli_version,
+    &cli_record,   &cli_verify, &cli_reload,      &cli_token,   &cli_audit,     &cli_version,
 };
 
 static void usage(void)

@@ -395,9 +395,9 @@ static int make_service(void **state)
 
 static int end_service(void **state)
 {
-    static const char *const names[] = {
-        "token", "token.view", "token.sessions", "control.sock", "cert.pem", "key.pem"
-    };
+    static const char *const names[] = { "token",       "token.view",    "token.sessions", "token.named",
+                                         "token.audit", "token.audit.1", "control.sock",   "cert.pem",
+                                         "key.pem" };
 
     (void)state;
     sst_http_close(server);

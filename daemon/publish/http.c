@@ -234,7 +234,11 @@ int sst_http_open(struct sst_http **out, const struct sst_http_config *cfg)
     http->tcp = (struct http_listener){ .http = http };
     http->local = (struct http_listener){ .http = http, .local = true };
     copy(http->host, sizeof(http->host), cfg->host);
+    if (!cfg->url || !http_url_host(cfg->url, http->url_host))
+        http->url_host[0] = 0;
     copy(http->address, sizeof(http->address), cfg->address);
+    http_proxies_init(&http->proxies, cfg);
+    http_audit_init(&http->audit, cfg->token_file);
     err = http_auth_init(&http->auth, cfg);
     if (err) {
         free(http);
@@ -282,6 +286,7 @@ void sst_http_close(struct sst_http *http)
     if (http->local.daemon)
         MHD_stop_daemon(http->local.daemon);
     http_auth_fini(&http->auth);
+    pthread_mutex_destroy(&http->audit.lock);
     http_tls_fini(&http->pairs);
     http_videos_fini(&http->videos);
     pthread_cond_destroy(&http->wake);

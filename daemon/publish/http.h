@@ -26,8 +26,13 @@ struct sst_http_config {
     const char *address; /* numeric; NULL: no TCP */
     int port;            /* 0: any free port */
     const char *host;    /* further name allowed in Host, or NULL */
+    const char *url;     /* address of the page, whose host is allowed, too, or NULL */
     const char
         *token_file; /* created with 256 random bits and mode 0600 if missing; PATH.view holds the read-only token */
+    const char *const *proxy; /* numeric addresses of proxies that report their users */
+    int proxies;
+    const char *proxy_header; /* with the user's name; NULL: none */
+    unsigned proxy_rights;    /* of these users: enum sst_right */
     const char *tls_certificate, *tls_key; /* PEM files; NULL: none */
     bool insecure;                         /* allow an address other than loopback without TLS */
     int clients, streams;                  /* limits */

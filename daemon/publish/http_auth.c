@@ -108,7 +108,9 @@ int http_auth_init(struct http_auth *a, const struct sst_http_config *cfg)
         err = err ? err : load_token(view, a->view);
     }
     sst_brake_init(&a->brake);
+    http_tokens_init(&a->tokens, cfg->token_file && cfg->token_file[0] ? cfg->token_file : NULL);
     http_sessions_init(&a->sessions, cfg->address ? cfg->token_file : NULL, a->control, a->view);
+    a->sessions.tokens = &a->tokens;
     return err;
 }
 
@@ -116,6 +118,7 @@ void http_auth_fini(struct http_auth *a)
 {
     sst_brake_fini(&a->brake);
     http_sessions_fini(&a->sessions);
+    http_tokens_fini(&a->tokens);
     memset(a->control, 0, sizeof(a->control));
     memset(a->view, 0, sizeof(a->view));
 }
@@ -131,11 +134,17 @@ static bool same_token(const char *secret, const char *given)
     return !difference && n <= HTTP_TOKEN_MAX;
 }
 
-enum sst_role http_auth_token(const struct http_auth *a, const char *token)
+bool http_auth_token(struct http_auth *a, const char *token, struct http_grant *out)
 {
     const bool control = same_token(a->control, token), view = same_token(a->view, token);
 
-    return control ? SST_ROLE_CONTROL : view ? SST_ROLE_VIEW : SST_ROLE_ANYONE;
+    *out = (struct http_grant){ 0 };
+    if (!control && !view)
+        return strlen(token) <= HTTP_TOKEN_MAX && http_tokens_find(&a->tokens, token, out);
+    out->role = control ? SST_ROLE_CONTROL : SST_ROLE_VIEW;
+    out->rights = control ? SST_RIGHTS_ALL : SST_RIGHTS_READ;
+    strcpy(out->user, control ? "control" : "view");
+    return true;
 }
 
 /* Is the peer in a group, by its own group or one of the others that it had when it connected? */

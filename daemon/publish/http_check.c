@@ -18,7 +18,8 @@ static bool host_is_ours(struct http_request *q, const char *host)
     if (!http_host_split(host, name, &port))
         return false;
     if (!strcmp(name, "localhost") || !strcmp(name, "127.0.0.1") || !strcmp(name, "::1") ||
-        !strcasecmp(name, q->http->address) || (q->http->host[0] && !strcasecmp(name, q->http->host)))
+        !strcasecmp(name, q->http->address) || (q->http->host[0] && !strcasecmp(name, q->http->host)) ||
+        (q->http->url_host[0] && !strcmp(name, q->http->url_host)))
         return true;
     /* Listening on all addresses: the one that this connection came to. */
     if (getsockname(q->fd, (struct sockaddr *)&at, &size))
@@ -97,10 +98,32 @@ static int refuse_stranger(struct http_request *q, bool gave_token)
     }
     return http_reply_error(q, status,
                             gave_token
-                                ? "that is not the token, or the session has ended; the token is in the file that "
-                                  "web.token_file names"
-                                : "a token is needed: `Authorization: Bearer TOKEN`, with TOKEN from the file "
-                                  "that web.token_file names");
+                                ? "that is not a token, or not any more, or the session has ended"
+                                : "a token is needed: `Authorization: Bearer TOKEN`; who runs this service gives one");
+}
+
+/* Client of the UNIX socket, by its user and groups. @return -1: allowed; else answered */
+static int check_peer(struct http_request *q, enum sst_role needed)
+{
+    q->role = http_auth_peer(&q->http->auth, q->fd, q->who);
+    q->rights = q->role == SST_ROLE_CONTROL ? SST_RIGHTS_ALL : SST_RIGHTS_READ;
+    snprintf(q->user, sizeof(q->user), "%.*s", (int)strcspn(q->who, ","), q->who); /* uid 1000 */
+    if (q->role >= needed)
+        return -1;
+    return http_reply_error(q, MHD_HTTP_FORBIDDEN, "%s may not: %s", q->who,
+                            q->http->auth.group_name[0] ? "join the group of control.group (usermod -aG) and log "
+                                                          "in again"
+                                                        : "set control.group, or be root");
+}
+
+static int check_rights(struct http_request *q, enum sst_role needed)
+{
+    char has[SST_ACCESS_TEXT];
+
+    if (q->role >= needed && (!q->route || q->rights & http_rights_of(q->route, q->replay)))
+        return -1;
+    return http_reply_error(q, MHD_HTTP_FORBIDDEN, "this needs more rights than this client has: %s",
+                            sst_access_rights_text(q->rights, has));
 }
 
 /* Authenticate and authorize. @return -1: allowed; else answered */
@@ -108,31 +131,30 @@ static int check_role(struct http_request *q)
 {
     enum sst_role needed = q->route ? q->route->role : SST_ROLE_VIEW, most = SST_ROLE_CONTROL;
     char space[HTTP_TOKEN_MAX + 1];
+    struct http_grant grant;
     const char *token;
-    bool cookie;
+    bool cookie, right;
+    int done;
 
     if (needed == SST_ROLE_ANYONE)
         return -1;
-    if (q->local) {
-        q->role = http_auth_peer(&q->http->auth, q->fd, q->who);
-        if (q->role >= needed)
-            return -1;
-        return http_reply_error(q, MHD_HTTP_FORBIDDEN, "%s may not: %s", q->who,
-                                q->http->auth.group_name[0] ? "join the group of control.group (usermod -aG) and log "
-                                                              "in again"
-                                                            : "set control.group, or be root");
-    }
+    if (q->local)
+        return check_peer(q, needed);
+    done = http_check_proxy(q);
+    if (done >= 0)
+        return done;
+    if (q->role != SST_ROLE_ANYONE)
+        return check_rights(q, needed);
     token = token_of(q, space, &most, &cookie);
-    q->role = !token   ? SST_ROLE_ANYONE
-              : cookie ? http_session_check(&q->http->auth.sessions, token, q->session)
-                       : http_auth_token(&q->http->auth, token);
-    if (q->role == SST_ROLE_ANYONE)
+    right = token && (cookie ? http_session_check(&q->http->auth.sessions, token, &grant)
+                             : http_auth_token(&q->http->auth, token, &grant));
+    if (!right)
         return refuse_stranger(q, token != NULL);
-    q->role = q->role < most ? q->role : most;
-    if (q->role >= needed)
-        return -1;
-    return http_reply_error(q, MHD_HTTP_FORBIDDEN,
-                            "this token only looks; the one that controls is in the file that web.token_file names");
+    q->role = grant.role < most ? grant.role : most;
+    q->rights = most == SST_ROLE_CONTROL ? grant.rights : grant.rights & ~(unsigned)SST_RIGHT_CONTROL;
+    snprintf(q->user, sizeof(q->user), "%s", grant.user);
+    snprintf(q->session, sizeof(q->session), "%s", cookie ? grant.session : grant.id);
+    return check_rights(q, needed);
 }
 
 /* Form of a request by its own headers. */

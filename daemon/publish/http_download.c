@@ -155,11 +155,14 @@ static int refuse(struct http_request *q, int err)
 int http_do_download(struct http_request *q)
 {
     const struct sst_api *api = q->http->cfg.api;
+    const char *range = http_header(q, "Range");
     struct sst_download *d = NULL;
     int err;
 
     do {
         err = api->download(api->arg, q->name, &d);
     } while (err == -EINPROGRESS && !atomic_load(&q->http->stopping) && !http_peer_gone(q->fd));
+    if (!err && !q->head && (!range || !strncmp(range, "bytes=0-", 8))) /* a player asks for many parts */
+        http_audit(q, "download", q->name);
     return err ? refuse(q, err) : answer(q, d);
 }

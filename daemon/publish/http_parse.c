@@ -2,6 +2,7 @@
 #include <ctype.h>
 #include <errno.h>
 #include <stdlib.h>
+#include <stdio.h>
 #include <string.h>
 #include <strings.h>
 
@@ -65,6 +66,16 @@ bool http_host_split(const char *text, char *host, int *port)
     n -= !v6 && n > 1 && host[n - 1] == '.';
     host[n] = 0;
     return true;
+}
+
+bool http_url_host(const char *url, char *host)
+{
+    const char *at = strstr(url, "://");
+    char text[300];
+    int port;
+
+    return at && snprintf(text, sizeof(text), "%.*s", (int)strcspn(at + 3, "/"), at + 3) < (int)sizeof(text) &&
+           http_host_split(text, host, &port);
 }
 
 bool http_same_origin(const char *origin, const char *host)

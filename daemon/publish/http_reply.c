@@ -76,6 +76,7 @@ int http_reply(struct http_request *q, int status, struct MHD_Response *response
         challenge(q, response);
     if (q->route && !strcmp(q->route->method, "POST"))
         sst_log_info("http: %s: POST %s: %d", q->who, q->route->path, status);
+    http_audit_answer(q, status);
     http_awake(q->connection, q->silence_s);
     done = MHD_queue_response(q->connection, (unsigned)status, response);
     MHD_destroy_response(response);

@@ -19,6 +19,10 @@
     X("POST", "/api/v1/logout", VIEW, "End one's own session", http_do_logout)                                         \
     X("GET", "/api/v1/sessions", VIEW, "Who has logged in; one's own session without control", sessions)               \
     X("POST", "/api/v1/sessions/{id}", CONTROL, "End a session", session_change)                                       \
+    X("GET", "/api/v1/tokens", CONTROL, "Named tokens: rights, end", http_do_tokens)                                   \
+    X("POST", "/api/v1/tokens", CONTROL, "A named token; its secret is in this answer alone", http_do_token_add)       \
+    X("POST", "/api/v1/tokens/{id}", CONTROL, "Revoke a named token", http_do_token_change)                            \
+    X("GET", "/api/v1/audit", CONTROL, "Who has changed what, one line of JSON each", http_do_audit)                   \
     X("GET", "/", VIEW, "The page", page)                                                                              \
     X("GET", "/web/{file}", VIEW, "A file of the page", web)                                                           \
     X("GET", "/api/v1/openapi.json", VIEW, "This API", openapi)                                                        \
@@ -157,7 +161,7 @@ PLAIN(replay, replay, api_of(q)->replayed, "replay")
 
 const char *http_user(const struct http_request *q)
 {
-    return q->role == SST_ROLE_CONTROL ? "control" : "view";
+    return q->user[0] ? q->user : q->role == SST_ROLE_CONTROL ? "control" : "view";
 }
 
 /* With the role of the client, which the service itself does not know. */
@@ -167,7 +171,7 @@ static int status(struct http_request *q)
     const int err = api_of(q)->status(api_of(q)->arg, &out);
 
     if (!err)
-        json_object_set_new(out.body, "role", json_string(http_user(q)));
+        json_object_set_new(out.body, "role", json_string(q->role == SST_ROLE_CONTROL ? "control" : "view"));
     return http_reply_answer(q, err, &out, "status");
 }
 

@@ -33,8 +33,11 @@ uint64_t http_hash(const void *data, size_t bytes)
 
 static bool is_valid_locked(const struct http_sessions *s, const struct http_session *one, int64_t now_ns)
 {
-    return one->secret[0] && now_ns - one->since_ns < LIFE_NS &&
-           one->tag == s->tag[one->role == SST_ROLE_CONTROL];
+    if (!one->secret[0] || now_ns - one->since_ns >= LIFE_NS)
+        return false;
+    if (one->token[0])
+        return s->tokens && http_tokens_lasts(s->tokens, one->token, NULL);
+    return one->tag == s->tag[one->role == SST_ROLE_CONTROL];
 }
 
 /* --- the file ----------------------------------------------------------------------------------------------------- */
@@ -70,7 +73,8 @@ static char *text_locked(const struct http_sessions *s)
         const struct http_session *one = &s->session[i];
 
         if (one->secret[0])
-            json_array_append_new(list, json_pack("{s:s, s:b, s:I, s:I, s:I, s:s, s:s}", "secret", one->secret, "control",
+            json_array_append_new(list, json_pack("{s:s, s:s, s:b, s:I, s:I, s:I, s:s, s:s}", "secret", one->secret,
+                                                  "token", one->token, "control",
                                                   one->role == SST_ROLE_CONTROL, "tag", (json_int_t)one->tag, "since_ns",
                                                   (json_int_t)one->since_ns, "seen_ns", (json_int_t)one->seen_ns,
                                                   "address", one->address, "agent", one->agent));
@@ -111,11 +115,11 @@ static void save(struct http_sessions *s)
 
 static void read_one(struct http_session *out, const json_t *o)
 {
-    const char *secret, *address, *agent;
+    const char *secret, *address, *agent, *token = "";
     json_int_t tag, since, seen;
     int control;
 
-    if (json_unpack((json_t *)o, "{s:s, s:b, s:I, s:I, s:I, s:s, s:s}", "secret", &secret, "control", &control, "tag", &tag,
+    if (json_unpack((json_t *)o, "{s:s, s?s, s:b, s:I, s:I, s:I, s:s, s:s}", "secret", &secret, "token", &token, "control", &control, "tag", &tag,
                     "since_ns", &since, "seen_ns", &seen, "address", &address, "agent", &agent) ||
         !is_hex(secret, HTTP_SECRET))
         return;
@@ -124,6 +128,7 @@ static void read_one(struct http_session *out, const json_t *o)
                                   .since_ns = since,
                                   .seen_ns = seen };
     snprintf(out->secret, sizeof(out->secret), "%s", secret);
+    snprintf(out->token, sizeof(out->token), "%s", token);
     snprintf(out->address, sizeof(out->address), "%s", address);
     snprintf(out->agent, sizeof(out->agent), "%s", agent);
 }
@@ -213,17 +218,21 @@ static struct http_session *make_room_locked(struct http_sessions *s, enum sst_r
     return free_one ? free_one : &s->session[0]; /* there is one, unless the file was made by somebody else */
 }
 
-bool http_session_begin(struct http_sessions *s, enum sst_role role, const char *address, const char *agent,
+bool http_session_begin(struct http_sessions *s, const struct http_grant *grant, const char *address, const char *agent,
                         char secret[HTTP_SECRET + 1])
 {
     const int64_t now_ns = sst_clock_wall_ns();
-    struct http_session new = { .role = role, .tag = s->tag[role == SST_ROLE_CONTROL], .since_ns = now_ns, .seen_ns = now_ns };
+    const enum sst_role role = grant->role;
+    struct http_session new = {
+        .role = role, .tag = s->tag[role == SST_ROLE_CONTROL], .since_ns = now_ns, .seen_ns = now_ns
+    };
 
     if (!http_random_text(secret, HTTP_SECRET / 2))
         return false;
     memcpy(new.secret, secret, HTTP_SECRET + 1);
     copy_plain(new.address, sizeof(new.address), address);
     copy_plain(new.agent, sizeof(new.agent), agent);
+    memcpy(new.token, grant->id, sizeof(new.token));
     pthread_mutex_lock(&s->lock);
     *make_room_locked(s, role, new.address, now_ns) = new;
     s->changes++;
@@ -233,14 +242,25 @@ bool http_session_begin(struct http_sessions *s, enum sst_role role, const char 
     return true;
 }
 
-enum sst_role http_session_check(struct http_sessions *s, const char *secret, char name[HTTP_SESSION_NAME + 1])
+/* Rights of a session: of its named token as they are now, else of its role. */
+static void grant_locked(const struct http_sessions *s, const struct http_session *one, struct http_grant *out)
+{
+    const bool control = one->role == SST_ROLE_CONTROL;
+
+    *out = (struct http_grant){ .role = one->role, .rights = control ? SST_RIGHTS_ALL : SST_RIGHTS_READ };
+    strcpy(out->user, control ? "control" : "view");
+    if (one->token[0] && !http_tokens_lasts(s->tokens, one->token, out))
+        *out = (struct http_grant){ 0 };
+    snprintf(out->session, sizeof(out->session), "%.*s", HTTP_SESSION_NAME, one->secret);
+}
+
+bool http_session_check(struct http_sessions *s, const char *secret, struct http_grant *out)
 {
     const int64_t now_ns = sst_clock_wall_ns();
-    enum sst_role role = SST_ROLE_ANYONE;
 
-    name[0] = 0;
+    *out = (struct http_grant){ 0 };
     if (!is_hex(secret, HTTP_SECRET))
-        return role;
+        return false;
     pthread_mutex_lock(&s->lock);
     for (int i = 0; i < HTTP_SESSIONS_MAX; i++) {
         struct http_session *one = &s->session[i];
@@ -251,11 +271,10 @@ enum sst_role http_session_check(struct http_sessions *s, const char *secret, ch
         if (difference || !is_valid_locked(s, one, now_ns))
             continue;
         one->seen_ns = now_ns;
-        role = one->role;
-        snprintf(name, HTTP_SESSION_NAME + 1, "%.*s", HTTP_SESSION_NAME, one->secret);
+        grant_locked(s, one, out);
     }
     pthread_mutex_unlock(&s->lock);
-    return role;
+    return out->role != SST_ROLE_ANYONE;
 }
 
 static struct http_session *find_locked(struct http_sessions *s, const char *name)
@@ -273,6 +292,8 @@ bool http_session_lasts(struct http_sessions *s, const char *name)
 
     if (!name[0])
         return true;
+    if (*name == 't') /* no digit of a session's name */
+        return s->tokens && http_tokens_lasts(s->tokens, name, NULL);
     pthread_mutex_lock(&s->lock);
     lasts = find_locked(s, name) != NULL;
     pthread_mutex_unlock(&s->lock);
@@ -299,6 +320,7 @@ json_t *http_sessions_json(struct http_sessions *s, const char *own, bool all)
 {
     const int64_t now_ns = sst_clock_wall_ns();
     json_t *list = json_array();
+    struct http_grant grant;
     char since[SST_CLOCK_TEXT], seen[SST_CLOCK_TEXT], name[HTTP_SESSION_NAME + 1];
 
     pthread_mutex_lock(&s->lock);
@@ -311,8 +333,10 @@ json_t *http_sessions_json(struct http_sessions *s, const char *own, bool all)
         snprintf(name, sizeof(name), "%.*s", HTTP_SESSION_NAME, one->secret);
         sst_clock_text(since, one->since_ns);
         sst_clock_text(seen, one->seen_ns);
-        json_array_append_new(list, json_pack("{s:s, s:s, s:s, s:s, s:s, s:s, s:b}", "session", name, "role",
-                                              one->role == SST_ROLE_CONTROL ? "control" : "view", "address", one->address,
+        grant_locked(s, one, &grant);
+        json_array_append_new(list, json_pack("{s:s, s:s, s:s, s:s, s:s, s:s, s:s, s:b}", "session", name, "role",
+                                              one->role == SST_ROLE_CONTROL ? "control" : "view", "user", grant.user,
+                                              "address", one->address,
                                               "agent", one->agent, "since", since, "seen", seen, "own", mine));
     }
     pthread_mutex_unlock(&s->lock);

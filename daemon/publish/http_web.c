@@ -51,9 +51,15 @@ static int redirect_with_cookie(struct http_request *q, const char *token)
     struct http_auth *auth = &q->http->auth;
     struct MHD_Response *response;
     char secret[HTTP_SECRET + 1];
+    struct http_grant grant;
 
     http_name_peer(q);
-    if (!http_session_begin(&auth->sessions, http_auth_token(auth, token), q->who, http_header(q, "User-Agent"), secret))
+    if (!http_auth_token(auth, token, &grant)) /* it has ended meanwhile */
+        return http_reply_error(q, MHD_HTTP_UNAUTHORIZED, "that is not a token any more");
+    q->role = grant.role;
+    snprintf(q->user, sizeof(q->user), "%s", grant.user);
+    http_audit(q, "login", "");
+    if (!http_session_begin(&auth->sessions, &grant, q->who, http_header(q, "User-Agent"), secret))
         return http_reply_error(q, MHD_HTTP_INTERNAL_SERVER_ERROR, "this machine has no random numbers");
     response = empty();
     if (!response)
@@ -107,7 +113,7 @@ static const char form[] =
     "<body><main><h1>sst</h1>%s%s%s\n<form method=\"post\" action=\"/login\">"
     "<label for=\"token\">Token</label><input id=\"token\" name=\"token\" type=\"password\" "
     "autocomplete=\"current-password\" required autofocus>\n<button>Log in</button></form>\n"
-    "<p>It is in the file that <code>web.token_file</code> of the service's configuration names.</p>"
+    "<p>Who runs this service gives one: <code>sst token --help</code> on its machine.</p>"
     "</main></body></html>\n";
 
 static int reply_login(struct http_request *q, int status, const char *sentence)
@@ -156,10 +162,10 @@ int http_do_login_form(struct http_request *q)
 int http_do_login(struct http_request *q)
 {
     char token[HTTP_TOKEN_MAX + 1], sentence[96];
+    struct http_grant grant;
     int retry_s, status;
 
-    if (!http_form_token(q->data ? q->data : "", q->size, token) ||
-        http_auth_token(&q->http->auth, token) == SST_ROLE_ANYONE) {
+    if (!http_form_token(q->data ? q->data : "", q->size, token) || !http_auth_token(&q->http->auth, token, &grant)) {
         status = http_wrong_token(q, &retry_s);
         if (status == MHD_HTTP_TOO_MANY_REQUESTS)
             snprintf(sentence, sizeof(sentence), "Too many wrong tokens; try again in %d seconds.", retry_s);
@@ -168,5 +174,7 @@ int http_do_login(struct http_request *q)
         atomic_fetch_add(&q->http->count->refused, 1);
         return reply_login(q, status, sentence);
     }
+    if (!(grant.rights & SST_RIGHT_VIEW))
+        return reply_login(q, MHD_HTTP_FORBIDDEN, "This token does not open the page.");
     return redirect_with_cookie(q, token);
 }

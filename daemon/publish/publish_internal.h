@@ -15,6 +15,7 @@
 #include "base/base.h"
 #include "base/brake.h"
 #include "base/file.h"
+#include "capture/access/access.h"
 #include "daemon/publish/http.h"
 
 /* --- hooks_env: inside hooks: the environment that describes the event. --- */
@@ -70,6 +71,9 @@ bool http_path_matches(const char *pattern, const char *path, char *name);
 /** Split "host", "host:port", "[v6]:port". @param host  out [256], in small letters, without brackets and final dot
  *  @param port  out, -1: none @return false: malformed */
 bool http_host_split(const char *text, char *host, int *port);
+
+/** Host of "http://host:port/path". @param host  out [256] @return false: malformed */
+bool http_url_host(const char *url, char *host);
 
 /** Is an Origin ("http://host:port") where a request with this Host goes? */
 bool http_same_origin(const char *origin, const char *host);
@@ -153,8 +157,44 @@ size_t http_ws_head(uint8_t out[HTTP_WS_HEAD], enum http_ws_op op, size_t bytes)
 #define HTTP_SECRET           64               /* hex digits of a cookie's secret: random, 256 bits */
 #define HTTP_SESSION_NAME     12               /* its first digits name it; too few to guess the rest */
 
+/** A client that has authenticated. */
+struct http_grant {
+    enum sst_role role;
+    unsigned rights;                     /* enum sst_right */
+    char user[SST_ACCESS_NAME + 1];      /* name of the token; "view", "control": one of web.token_file */
+    char id[HTTP_SESSION_NAME + 1];      /* of a named token, as http_session_lasts() has it; "": another */
+    char session[HTTP_SESSION_NAME + 1]; /* of a cookie; "": none */
+};
+
+/* --- named tokens (http_tokens.c) --------------------------------------------------------------------------------- */
+
+struct http_stamp { /* of a file; zeros: there is none */
+    dev_t dev;
+    ino_t ino;
+    off_t bytes;
+    int64_t changed_ns;
+};
+
+struct http_tokens {
+    char path[SST_PATH_MAX]; /* fixed after init; "": there are none */
+    pthread_mutex_t lock;    /* within that of sessions */
+    /* under lock */
+    struct http_stamp stamp; /* of the file when it was read */
+    struct sst_access_list list;
+};
+
+/** @param token_file  beside which they are kept; NULL: there are none */
+void http_tokens_init(struct http_tokens *t, const char *token_file);
+void http_tokens_fini(struct http_tokens *t);
+/** Whose secret is it? @return false: nobody's, or it has expired */
+bool http_tokens_find(struct http_tokens *t, const char *secret, struct http_grant *out);
+/** Does the token of an id still count? @param out  NULL: of no interest */
+bool http_tokens_lasts(struct http_tokens *t, const char *id, struct http_grant *out);
+json_t *http_tokens_json(struct http_tokens *t);
+
 struct http_session {
     char secret[HTTP_SECRET + 1]; /* "": none */
+    char token[HTTP_SESSION_NAME + 1]; /* id of the named token that it was opened with; "": another */
     enum sst_role role;
     uint64_t tag;              /* of the token that it was opened with: another token ends it */
     int64_t since_ns, seen_ns; /* wall */
@@ -164,6 +204,7 @@ struct http_session {
 struct http_sessions {
     char path[SST_PATH_MAX]; /* fixed after init; "": they end with the service */
     uint64_t tag[2];         /* fixed after init; of the view token, of the control token */
+    struct http_tokens *tokens; /* fixed after init; NULL: no named ones */
     pthread_mutex_t lock;
     struct http_session session[HTTP_SESSIONS_MAX]; /* under lock */
     uint64_t changes;                               /* under lock */
@@ -182,11 +223,11 @@ uint64_t http_hash(const void *data, size_t bytes);
 void http_sessions_init(struct http_sessions *s, const char *path, const char *control, const char *view);
 void http_sessions_fini(struct http_sessions *s);
 /** A token was right. @param secret  out, for the cookie @return false: no random bytes */
-SST_MUST_CHECK bool http_session_begin(struct http_sessions *s, enum sst_role role, const char *address,
+SST_MUST_CHECK bool http_session_begin(struct http_sessions *s, const struct http_grant *grant, const char *address,
                                        const char *agent, char secret[HTTP_SECRET + 1]);
-/** Role of a cookie, noted as its last use. @param name  out, "" with SST_ROLE_ANYONE */
-enum sst_role http_session_check(struct http_sessions *s, const char *secret, char name[HTTP_SESSION_NAME + 1]);
-/** Has it not ended meanwhile? @param name  "": none, which lasts */
+/** Client of a cookie, noted as its last use. @return false: it is none of a session, or its session has ended */
+bool http_session_check(struct http_sessions *s, const char *secret, struct http_grant *out);
+/** Has it not ended meanwhile? @param name  of a session, or id of a named token; "": none, which lasts */
 bool http_session_lasts(struct http_sessions *s, const char *name);
 /** @return false: there is none */
 bool http_session_end(struct http_sessions *s, const char *name);
@@ -201,26 +242,20 @@ struct http_auth {
     gid_t group, view_group;                                    /* (gid_t)-1: none */
     char group_name[64];
     struct sst_brake brake;
+    struct http_tokens tokens;
     struct http_sessions sessions;
 };
 
 SST_MUST_CHECK int http_auth_init(struct http_auth *a, const struct sst_http_config *cfg);
 void http_auth_fini(struct http_auth *a);
 
-/** @return SST_ROLE_ANYONE for a wrong token */
-enum sst_role http_auth_token(const struct http_auth *a, const char *token);
+/** Client of a token: of web.token_file, or a named one. @return false: it is wrong, revoked or expired */
+bool http_auth_token(struct http_auth *a, const char *token, struct http_grant *out);
 
 /** Role of the peer of a UNIX socket. @param who  out [96], name of the peer for messages */
 enum sst_role http_auth_peer(const struct http_auth *a, int fd, char *who);
 
 /* --- certificate and key (http_tls.c) ----------------------------------------------------------------------------- */
-
-struct http_stamp { /* of a file; zeros: there is none */
-    dev_t dev;
-    ino_t ino;
-    off_t bytes;
-    int64_t changed_ns;
-};
 
 struct http_pair; /* counted; a connection keeps its pair as long as it lives */
 
@@ -255,6 +290,23 @@ void http_tls_end(struct http_tls *t, struct http_pair *p);
 
 /** Check every 20 s for changed files and a near expiry; report them as events. */
 void http_tls_look(struct http_tls *t, struct sst_events *events, int64_t now_ns);
+
+/* --- access of users (http_access.c) ------------------------------------------------------------------------------ */
+
+#define HTTP_PROXIES 8
+
+struct http_proxies { /* fixed after open */
+    uint8_t address[HTTP_PROXIES][16];
+    int count; /* 0: the header is one like others */
+    char header[64];
+    unsigned rights;
+};
+
+struct http_audit {
+    char path[SST_PATH_MAX]; /* fixed after open; "": none */
+    pthread_mutex_t lock;    /* held while the file is read and written */
+    bool failed;             /* under lock */
+};
 
 /* --- the server --------------------------------------------------------------------------------------------------- */
 
@@ -296,12 +348,14 @@ struct sst_http {
     /* fixed after open */
     struct sst_http_config cfg; /* numbers and api; its strings are valid during open only */
     struct sst_counters *count;
-    char host[256], address[64];
+    char host[256], url_host[256], address[64];
     bool tls;
     struct http_unix unix_socket;
     struct http_listener tcp, local;
     struct http_auth auth;
     struct http_tls pairs;
+    struct http_proxies proxies;
+    struct http_audit audit;
     struct http_health health;
     struct http_videos videos;
     pthread_t reaper;
@@ -338,9 +392,11 @@ struct http_request {
     bool head;    /* method HEAD: the answer is sent without its body */
     bool hang_up; /* the connection ends after the answer */
     enum sst_role role;
+    unsigned rights;                     /* enum sst_right */
+    char user[64];                       /* name of its token, or of a proxy's user; "": none */
     char name[HTTP_NAME_MAX + 1];        /* {a part} of the path */
     char who[96];                        /* the client, for messages */
-    char session[HTTP_SESSION_NAME + 1]; /* session of its cookie; "": none */
+    char session[HTTP_SESSION_NAME + 1]; /* session of its cookie, or id of its named token; "": none */
     char allow[24];                      /* answer 405: methods */
     int retry_s;                         /* answer 429: seconds until a retry */
     int silence_s;                       /* the answer ends when the client has read nothing for that long */
@@ -384,8 +440,6 @@ void http_on_connection(void *cls, struct MHD_Connection *connection, void **sta
 /** Handler of a route; index as in sst_http_routes(). */
 http_handler_fn *http_handler(int index);
 
-/** Name of the user that asks, for `reviewed`: the token's role. */
-const char *http_user(const struct http_request *q);
 const char *http_query(struct http_request *q, const char *name);  /* NULL: not there; "" without a value */
 const char *http_header(struct http_request *q, const char *name); /* the same */
 
@@ -465,6 +519,24 @@ bool http_video_over(struct http_video *v, char why[256]);
 
 /** Release a viewer without a thread. NULL is fine. */
 void http_watch_drop(struct http_watch *w);
+
+/** Name of the user that asks: of its named token, of the proxy, else the role of its token or group. */
+const char *http_user(const struct http_request *q);
+
+void http_proxies_init(struct http_proxies *p, const struct sst_http_config *cfg);
+/** The identity that a proxy reports: rights, role and user of the request. @return -1: go on; else answered */
+int http_check_proxy(struct http_request *q);
+/** Rights of which one is needed. */
+unsigned http_rights_of(const struct sst_route *route, bool replay);
+void http_audit_init(struct http_audit *a, const char *token_file);
+/** Note an action of this client. */
+void http_audit(struct http_request *q, const char *action, const char *object);
+/** Note what a request has changed, if it has. */
+void http_audit_answer(struct http_request *q, int status);
+int http_do_audit(struct http_request *q); /* http_access.c */
+int http_do_tokens(struct http_request *q);
+int http_do_token_add(struct http_request *q);
+int http_do_token_change(struct http_request *q);
 
 /** Count a wrong token of this client. @return status to refuse the request with; 0: none */
 int http_wrong_token(struct http_request *q, int *retry_s);

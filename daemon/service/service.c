@@ -13,6 +13,7 @@
 #include "base/log.h"
 #include "base/text.h"
 #include "base/thread.h"
+#include "capture/access/access.h"
 #include "daemon/service/service_internal.h"
 
 #define EVENTS_KEPT   1000
@@ -37,6 +38,14 @@ static const char *text_or_null(const char *text)
 static int open_http(struct sst_service *s, const struct sst_service_config *cfg)
 {
     const struct sst_config *c = &s->config;
+    const char *proxies[SST_CONFIG_PROXIES] = { NULL };
+    unsigned rights = 0;
+
+    for (int i = 0; i < c->proxy.addresses; i++)
+        proxies[i] = c->proxy.address[i];
+    for (int i = 0; i < c->proxy.rights; i++)
+        rights |= sst_access_right(c->proxy.right[i], strlen(c->proxy.right[i]));
+
     const struct sst_http_config http = {
         .socket = cfg->socket ? cfg->socket : text_or_null(c->control.socket),
         .socket_fd = cfg->socket_fd,
@@ -45,7 +54,12 @@ static int open_http(struct sst_service *s, const struct sst_service_config *cfg
         .address = c->web.enabled ? c->web.address : NULL,
         .port = c->web.port,
         .host = text_or_null(c->web.host),
+        .url = text_or_null(c->web.url),
         .token_file = c->web.token_file,
+        .proxy = proxies,
+        .proxies = c->proxy.addresses,
+        .proxy_header = text_or_null(c->proxy.user_header),
+        .proxy_rights = rights,
         .tls_certificate = text_or_null(c->web.tls_certificate),
         .tls_key = text_or_null(c->web.tls_key),
         .insecure = c->web.insecure,
@@ -385,10 +399,13 @@ void sst_service_address(struct sst_service *s, char *out, size_t size)
 {
     const int port = s->http ? sst_http_port(s->http) : 0;
     const bool tls = s->config.web.tls_certificate[0] != 0, six = strchr(s->config.web.address, ':') != NULL;
-    char token[128];
+    char token[128], page[512];
 
     out[0] = 0;
-    if (port)
+    sst_config_page(page, &s->config);
+    if (port && s->config.web.url[0])
+        snprintf(out, size, "%s/?token=%s", page, sst_file_line(token, sizeof(token), s->config.web.token_file));
+    else if (port)
         snprintf(out, size, "%s://%s%s%s:%d/?token=%s", tls ? "https" : "http", six ? "[" : "", s->config.web.address,
                  six ? "]" : "", port, sst_file_line(token, sizeof(token), s->config.web.token_file));
 }

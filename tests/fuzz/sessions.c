@@ -25,7 +25,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     static struct http_sessions s;
     char *folder = mkdtemp(input_template()), token[64], path[80];
-    char name[HTTP_SESSION_NAME + 1];
+    struct http_grant grant;
     FILE *f;
 
     if (!folder)
@@ -37,8 +37,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         abort();
     http_sessions_init(&s, token, "control", "view");
     for (int i = 0; i < HTTP_SESSIONS_MAX; i++)
-        if (s.session[i].secret[0] && http_session_check(&s, s.session[i].secret, name) != SST_ROLE_ANYONE &&
-            !http_session_lasts(&s, name))
+        if (s.session[i].secret[0] && http_session_check(&s, s.session[i].secret, &grant) &&
+            !http_session_lasts(&s, grant.session))
             abort();
     json_decref(http_sessions_json(&s, "", true));
     http_sessions_fini(&s);

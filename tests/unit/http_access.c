@@ -55,8 +55,9 @@ static void every_route_for_everybody(void **state)
         const bool post = !strcmp(r->method, "POST");
         const int fine = post && public                          ? 303
                          : !strcmp(r->path, "/api/v1/logout")    ? 409 /* a token has no session */
-                         : strstr(r->path, "/sessions/") != NULL ? 400 /* `end` lacks */
                          : !strncmp(r->path, "/video", 6)        ? 426 /* no WebSocket */
+                         : strstr(r->path, "/sessions/") != NULL || (post && strstr(r->path, "/tokens") != NULL)
+                             ? 400 /* `end`, `name` or `revoke` lacks */
                                                                  : 200;
 
         print_message("%s %s\n", r->method, r->path);
@@ -224,11 +225,11 @@ static void sessions_are_listed_and_ended(void **state)
 /* Of the sessions in a store: how many are valid. */
 static int lasting(struct http_sessions *s, char secret[][HTTP_SECRET + 1], int n)
 {
-    char name[HTTP_SESSION_NAME + 1];
+    struct http_grant grant;
     int valid = 0;
 
     for (int i = 0; i < n; i++)
-        valid += http_session_check(s, secret[i], name) != SST_ROLE_ANYONE;
+        valid += http_session_check(s, secret[i], &grant);
     return valid;
 }
 
@@ -236,6 +237,7 @@ static int lasting(struct http_sessions *s, char secret[][HTTP_SECRET + 1], int 
 static void logins_end_only_their_like(void **state)
 {
     static char boss[HTTP_SESSIONS_ROLE][HTTP_SECRET + 1], guard[HTTP_SESSIONS_ROLE][HTTP_SECRET + 1];
+    const struct http_grant control_role = { .role = SST_ROLE_CONTROL }, view_role = { .role = SST_ROLE_VIEW };
     struct http_sessions s;
     char secret[HTTP_SECRET + 1], address[32];
 
@@ -243,16 +245,16 @@ static void logins_end_only_their_like(void **state)
     http_sessions_init(&s, NULL, "control", "view");
     for (int i = 0; i < HTTP_SESSIONS_ROLE; i++) {
         snprintf(address, sizeof(address), "192.0.2.%d", i);
-        assert_true(http_session_begin(&s, SST_ROLE_CONTROL, address, "", boss[i]));
+        assert_true(http_session_begin(&s, &control_role, address, "", boss[i]));
         if (i < 10)
-            assert_true(http_session_begin(&s, SST_ROLE_VIEW, address, "", guard[i]));
+            assert_true(http_session_begin(&s, &view_role, address, "", guard[i]));
     }
     for (int i = 0; i < 500; i++)
-        assert_true(http_session_begin(&s, SST_ROLE_VIEW, "198.51.100.1", "", secret));
+        assert_true(http_session_begin(&s, &view_role, "198.51.100.1", "", secret));
     assert_int_equal(lasting(&s, guard, 10), 10);
     for (int i = 0; i < 500; i++) { /* from everywhere */
         snprintf(address, sizeof(address), "203.0.113.%d", i % 250);
-        assert_true(http_session_begin(&s, SST_ROLE_VIEW, address, "", secret));
+        assert_true(http_session_begin(&s, &view_role, address, "", secret));
     }
     assert_int_equal(lasting(&s, guard, 10), 0);
     assert_int_equal(lasting(&s, boss, HTTP_SESSIONS_ROLE), HTTP_SESSIONS_ROLE);

@@ -54,7 +54,7 @@ static int check_line(char *line, const struct sst_route *routes, int count, int
 static void document_is_the_table(void **state)
 {
     FILE *f = fopen("docs/integrate/api.md", "r");
-    int seen[64] = { 0 }, count, named = 0;
+    int seen[96] = { 0 }, count, named = 0;
     const struct sst_route *routes;
     char line[1024];
 
