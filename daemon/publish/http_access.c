@@ -98,7 +98,7 @@ int http_check_proxy(struct http_request *q)
 
 unsigned http_rights_of(const struct sst_route *route, bool replay)
 {
-    static const char *const recorded[] = { "/api/v1/recordings", "/api/v1/download/", "/api/v1/replay", "/api/v1/cases" };
+    static const char *const recorded[] = { "/api/v1/recordings", "/api/v1/download/", "/api/v1/replay", "/api/v1/videos" };
 
     if (route->role == SST_ROLE_CONTROL)
         return SST_RIGHT_CONTROL;
