@@ -53,7 +53,7 @@ static void note(const struct args *a, const char *object)
 /* Ask the service; where none runs, and none was named, its file is the answer. @return 1: the file */
 static int ask(struct args *a, const char *path, json_t *request, json_t **out)
 {
-    const bool named = a->where.socket || a->where.url;
+    const bool named = a->where.socket || a->where.url || getenv("SST_SOCKET");
     char held[SST_LOG_MAX] = "";
     int err = 1;
 

@@ -138,6 +138,12 @@ class Handler(BaseHTTPRequestHandler):
             self.events(after, False)
         elif path == "/api/v1/events/stream" and "ndjson" in self.headers.get("Accept", ""):
             self.events(after, True)
+        elif path == "/api/v1/tokens":
+            self.send(200, {"tokens": [{"name": "guard", "rights": ["view", "recordings"], "created": "2026-11-21T18:00:00.000Z",
+                                        "expires": None, "expired": False}]})
+        elif path == "/api/v1/audit":
+            self.send(200, b'{"time":"2026-11-21T18:00:00.000Z","name":"guard","address":"192.0.2.7","action":"delete","object":"old"}\n',
+                      "application/x-ndjson")
         elif path == "/api/v1/recordings":
             self.send(200, {"recordings": [{"name": "2026-11-21T18-04-00Z", "from": "2026-11-21T18:04:00Z",
                                             "to": "2026-11-21T18:05:00Z", "sets": 600, "bytes": 1.5e9, "active": False,
@@ -174,6 +180,10 @@ class Handler(BaseHTTPRequestHandler):
                 {"key": "live.focus_px", "before": "", "after": "7.5", "takes": "live"}]})
         elif self.path == "/api/v1/record" and body["action"] == "stop":
             self.send(200, {})
+        elif self.path == "/api/v1/tokens":
+            self.send(200, {"name": body["name"], "token": "abcdef"})
+        elif self.path.startswith("/api/v1/tokens/"):
+            self.send(200, {"revoked": True})
         elif self.path == "/api/v1/snapshot":
             self.send(200, {"name": "2026-11-21T18-05-00.123Z"})
         elif self.path == "/api/v1/delete":

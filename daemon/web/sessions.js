@@ -1,4 +1,4 @@
-// Sessions: addresses and times; logging out, and ending other sessions.
+// Access: sessions with addresses and times, logging out and ending other sessions; named tokens.
 
 import { get, post } from "/web/api.js";
 import { $, complain, el, localTime, onUse, setText } from "/web/ui.js";
@@ -35,15 +35,35 @@ export class Sessions {
     setText($("sessions-note"), control ? "A session that is ended needs the token to come back. Another token in token_file ends all of them."
       : "With the control token all sessions are shown here.");
     $("session-list").replaceChildren(...sessions.map((session) => this.row(session, control)));
+    const { tokens } = control ? await get("/api/v1/tokens") : { tokens: [] };
+    $("tokens").hidden = !tokens.length;
+    $("token-list").replaceChildren(...tokens.map((token) => this.tokenRow(token)));
   }
 
   row(session, control) {
-    const facts = `${session.role === "control" ? "Control" : "View only"} · ${session.address} · since ${localTime(session.since)}`
+    const role = session.role === "control" ? "Control" : "View only";
+    const facts = `${role}${[undefined, "control", "view"].includes(session.user) ? "" : ` · ${session.user}`} · ${session.address} · since ${localTime(session.since)}`
       + (session.own ? "" : ` · last seen ${localTime(session.seen)}`);
     const end = control && !session.own
       ? el("button", { type: "button", class: "small danger", onclick: () => this.end(session.session) }, "End") : null;
     return el("li", {}, el("span", {}, el("strong", {}, device(session.agent), session.own ? " (this one)" : ""),
       el("span", { class: "quiet" }, facts)), end);
+  }
+
+  tokenRow(token) {
+    const until = !token.expires ? "never expires" : `${token.expired ? "expired" : "expires"} ${localTime(token.expires)}`;
+    return el("li", {}, el("span", {}, el("strong", {}, token.name), el("span", { class: "quiet" }, `${token.rights.join(", ")} · ${until}`)),
+      el("button", { type: "button", class: "small danger", onclick: () => this.revoke(token.name) }, "Revoke"));
+  }
+
+  async revoke(name) {
+    try {
+      await post(`/api/v1/tokens/${encodeURIComponent(name)}`, { revoke: true });
+      await this.refresh();
+    } catch (error) {
+      $("sessions").close();
+      complain(error);
+    }
   }
 
   /** @param name  null: one's own */

@@ -138,7 +138,9 @@ class Service:
         self.many = 0  # visits more, one a minute before the others
         self.kept = []
         self.videos = []  # newest first
-        self.sessions = [{"session": f"{n:012x}", "role": role, "address": address, "agent": agent, "since": stamp(), "seen": stamp(), "own": n == 1}
+        self.tokens = [{"name": name, "rights": ["view", "recordings"], "created": stamp(), "expires": None, "expired": False}
+                       for name in ("guard", "porch")]
+        self.sessions = [{"session": f"{n:012x}", "role": role, "user": role, "address": address, "agent": agent, "since": stamp(), "seen": stamp(), "own": n == 1}
                          for n, role, address, agent in ((1, "control", "127.0.0.1", "Mozilla/5.0 (X11; Linux x86_64) Chrome/140.0"),
                                                          (2, "view", "192.168.1.7", "Mozilla/5.0 (iPhone; CPU iPhone OS 18) Safari/605"))]
         self.zones = [{"name": "gate", "points": [[0.1, 0.4], [0.4, 0.4], [0.4, 0.9], [0.1, 0.9]], "near_px": None, "far_px": None,
@@ -480,6 +482,8 @@ class Handler(http.server.BaseHTTPRequestHandler):
             self.answer(200, s.zones_json())
         elif path == "/api/v1/sessions":
             self.answer(200, {"sessions": [one for one in s.sessions if one["own"] or s.role == "control"]})
+        elif path == "/api/v1/tokens":
+            self.answer(200, {"tokens": s.tokens})
         elif path == "/login":
             self.answer(200, b"<!doctype html><title>log in</title>", "text/html")
         elif path == "/api/v1/replay":
@@ -653,6 +657,9 @@ class Handler(http.server.BaseHTTPRequestHandler):
             name = now().strftime("%Y-%m-%dT%H-%M-%S.000Z")
             s.event(0, "snapshot", f"Snapshot {name} kept", {"name": name})
             self.answer(200, {"name": name})
+        elif part[:3] == ["api", "v1", "tokens"]:
+            s.tokens = [one for one in s.tokens if one["name"] != part[3]]
+            self.answer(200, {"revoked": True})
         elif part[:3] == ["api", "v1", "sessions"]:
             s.sessions = [one for one in s.sessions if one["session"] != part[3]]
             self.answer(200, {"ended": True})

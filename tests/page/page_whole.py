@@ -72,6 +72,11 @@ def test_sessions(b, fake):
     b.click("#session-list li:nth-child(2) button")
     b.wait(f"{rows}.length === 1")
     check([r["path"] for r in fake.log() if r["method"] == "POST"][-1] == "/api/v1/sessions/000000000002", "another one is ended")
+    tokens = "[...document.querySelectorAll('#token-list li')].map((n) => n.textContent)"
+    check(b.js(tokens) == ["guardview, recordings · never expiresRevoke", "porchview, recordings · never expiresRevoke"], b.js(tokens))
+    b.click("#token-list li:first-child button")
+    b.wait(f"{tokens}.length === 1")
+    check(fake.posts("/api/v1/tokens/guard") == [{"revoke": True}], "the token is not revoked")
     b.key("Escape", 27)
     b.wait("!document.getElementById('sessions').open")
     b.click("#account")

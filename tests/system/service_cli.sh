@@ -159,6 +159,42 @@ want 5 'no service runs' reload --socket "$tmp/stale"
 SST_SOCKET=$tmp/stale "$sst" cameras >out 2>err || fail "cameras without a service: $(cat err)"
 grep -q stream out && fail "a grid without a service"
 
+# Named tokens: through the service, or in its file where none runs.
+see token add guard --rights view,recordings --expires 12h
+told "r['body'] == {'name': 'guard', 'rights': ['view', 'recordings'], 'expires_s': 43200}"
+shows abcdef
+see token list
+shows 'guard                view,recordings'
+see token revoke guard
+told "r['path'] == '/api/v1/tokens/guard' and r['body'] == {'revoke': True}"
+see audit --last 5
+told "r['path'] == '/api/v1/audit?limit=5'"
+grep -q '^2026-11-21T18:00:00.000Z  guard .* 192.0.2.7 .* delete .* old' out || fail "audit: $(cat out)"
+want 2 'needs --rights' token add guard
+want 2 'view, snapshot, recordings, control' token add guard --rights all
+want 2 'like 30d' token add guard --rights view --expires soon
+want 2 'needs a NAME' token revoke
+want 2 'belongs to add' token list --rights view
+want 2 'a name has letters' token revoke ../x
+printf 'control: {socket: %s/none, group: ""}\nweb: {token_file: %s/secret}\n' "$tmp" "$tmp" >tokens.yaml
+see token add guard --rights snapshot --config tokens.yaml
+hash=$(tr -d '\n' <out | sha256sum | cut -c1-64)
+grep -q "\"$hash\"" secret.named || fail "hash of the token: $(cat secret.named)"
+grep -q "$(cat out)" secret.named && fail "the file has the token itself"
+[ "$(stat -c %a secret.named)" = 600 ] || fail "mode of the tokens: $(stat -c %a secret.named)"
+want 4 'there is a token guard already' token add guard --rights view --config tokens.yaml
+see token list --config tokens.yaml
+shows 'guard                snapshot                             never'
+chmod 644 secret.named
+"$sst" token list --config tokens.yaml >out 2>err && fail "tokens that others can read are listed"
+grep -q 'chmod 600' err || fail "mode: $(cat err)"
+chmod 600 secret.named
+see token revoke guard --config tokens.yaml
+see token list --config tokens.yaml
+[ ! -s out ] || fail "a revoked token is listed: $(cat out)"
+[ "$(wc -l <secret.audit)" -eq 2 ] && grep -q '"object":"revoke guard"' secret.audit || fail "audit: $(cat secret.audit)"
+want 5 'no service runs' token list --socket "$tmp/stale"
+
 # TCP, with its token; a proxy of the environment is not asked.
 url=http://127.0.0.1:$(cat port)
 export http_proxy=http://127.0.0.1:9
