@@ -4,6 +4,8 @@
 tool=$root/${SST_BUILD:-build}/tests/tools/http_pictures
 need libavformat
 mkfifo said
+export SST=$sst
+printf 'control: {socket: %s/none, group: ""}\nweb: {token_file: %s/token}\n' "$tmp" "$tmp" >sstd.yaml
 
 cat >watch.py <<'PYTHON'
 import os, ssl, struct, subprocess, sys, time
@@ -150,6 +152,25 @@ def limits():
     raise AssertionError("more viewers than web.streams")
 
 
+def revoked():
+    """The viewer of a named token goes with it."""
+    def token(*words):
+        return subprocess.run([os.environ["SST"], "token", *words, "--config", "sstd.yaml"], capture_output=True, check=True, text=True).stdout.strip()
+
+    named = {"Authorization": "Bearer " + token("add", "porch", "--rights", "snapshot")}
+    refused(403, headers=named)
+    token("revoke", "porch")
+    refused(401, headers=named)
+    s = watch("/video", {"Authorization": "Bearer " + token("add", "porch", "--rights", "view")})
+    s.picture()
+    token("revoke", "porch")
+    try:
+        while True:
+            s.picture()
+    except Closed as e:
+        assert e.args[0] == 4401, e.args
+
+
 refused(401, headers={"Authorization": None})
 refused(426, headers={"Upgrade": None})
 refused(426, headers={"Sec-WebSocket-Version": "8"})
@@ -160,6 +181,7 @@ closed(4404, "no view none", "/video/none")
 s = pictures()
 if not tls:
     keys(s)
+    revoked()
     slow()
     hostile()
     limits()
