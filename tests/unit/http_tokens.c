@@ -127,6 +127,11 @@ static void revocation_takes_effect_at_once(void **state)
     snprintf(cookie, sizeof(cookie), "%s", log_in(secret));
     assert_int_equal(ask("GET", "/api/v1/sessions", cookie, NULL), 200);
     assert_contains(answer, "\"user\":\"guard\"");
+    assert_int_equal(ask("GET", "/api/v1/visits", cookie, NULL), 200); /* with the visits that this user has reviewed */
+    assert_contains(answer, "\"user\":\"guard\"");
+    assert_int_equal(ask("POST", "/api/v1/visits/v1", with(bearer(secret), JSON), "{\"reviewed\":true}"), 200);
+    assert_contains(answer, "\"user\":\"guard\"");
+    assert_int_equal(ask("POST", "/api/v1/visits/v1", with(bearer(secret), JSON), "{\"delete\":true}"), 403);
     for (int i = 0; i < 4; i++) {
         fd[i] = connect_tcp();
         snprintf(request, sizeof(request), "GET %s HTTP/1.1\r\nHost: localhost\r\n%s\r\n", paths[i & 1],
