@@ -73,6 +73,7 @@ def test_sessions(b, fake):
     b.wait(f"{rows}.length === 1")
     check([r["path"] for r in fake.log() if r["method"] == "POST"][-1] == "/api/v1/sessions/000000000002", "another one is ended")
     tokens = "[...document.querySelectorAll('#token-list li')].map((n) => n.textContent)"
+    b.wait(f"{tokens}.length === 2")
     check(b.js(tokens) == ["guardview, recordings · never expiresRevoke", "porchview, recordings · never expiresRevoke"], b.js(tokens))
     b.click("#token-list li:first-child button")
     b.wait(f"{tokens}.length === 1")
