@@ -222,6 +222,8 @@ static void tokens_are_judged(void **state)
     open_login("user", "userpassword");
     assert_int_equal(judge("user", NONCE, CREATED, DIGEST, THEN_NS), SST_LOGIN_RIGHT);
     assert_int_equal(judge("user", NONCE, CREATED, DIGEST, THEN_NS), SST_LOGIN_STALE); /* once */
+    assert_int_equal(judge("user", "LKqI 6G/AikKCQrN0zqZFlg", CREATED, DIGEST, THEN_NS), SST_LOGIN_STALE); /* same bytes */
+    assert_int_equal(judge("user", "LKqI6G/AikKCQrN0zqZFlh==", CREATED, DIGEST, THEN_NS), SST_LOGIN_STALE);
     auth_init(&auth, &login);
     assert_int_equal(judge("user", NONCE, CREATED, DIGEST, THEN_NS + ONVIF_CLOCK_S * SECOND), SST_LOGIN_RIGHT);
     auth_init(&auth, &login);
