@@ -20,8 +20,8 @@ struct evidence_entry {
     int64_t at, bytes; /* of its content in the archive */
 };
 
-/** List the files of a ZIP archive without compression. @param out  to free with free() @return number, -EBADMSG (no
- *  such archive), -EDOM (compressed), -EIO, -ENOMEM; not logged */
+/** List the files of a ZIP archive without compression, which is these files one after the other and nothing else. @param
+ *  out  to free with free() @return number, -EBADMSG (no such archive), -EDOM (compressed), -EIO, -ENOMEM; not logged */
 SST_MUST_CHECK int evidence_entries(int fd, struct evidence_entry **out);
 
 #endif

@@ -23,6 +23,20 @@ struct check {
     struct sst_verdict *out;
 };
 
+/* Names come from files of anybody: a terminal must not obey them. */
+static void make_plain(char *text)
+{
+    sst_text_make_utf8(text);
+    for (; *text; text++) {
+        const uint8_t c = (uint8_t)*text, next = (uint8_t)text[1];
+
+        if (c < ' ' || c == 127)
+            *text = '?';
+        else if (c == 0xc2 && next >= 0x80 && next < 0xa0) /* U+0080..U+009F */
+            text[0] = text[1] = '?';
+    }
+}
+
 static SST_PRINTF(2, 3) int differs(struct sst_verdict *v, const char *fmt, ...)
 {
     va_list args;
@@ -30,6 +44,7 @@ static SST_PRINTF(2, 3) int differs(struct sst_verdict *v, const char *fmt, ...)
     va_start(args, fmt);
     vsnprintf(v->text, sizeof(v->text), fmt, args);
     va_end(args);
+    make_plain(v->text);
     v->good = false;
     return 1;
 }
@@ -199,12 +214,16 @@ static int read_archive(struct check *c, const char *path, uint8_t **data, size_
     if (n == -EDOM)
         return differs(c->out, "another program packed this archive again, compressed: unpack it and verify its " SST_EVIDENCE_MANIFEST);
     if (n == -EBADMSG)
-        return differs(c->out, "it is no whole ZIP archive");
+        return differs(c->out, "it is no whole ZIP archive, or has bytes that its list does not name");
     if (n < 0) {
         sst_log_error("cannot read %s: %s", path, strerror(-n));
         return n;
     }
     c->entries = n;
+    for (int i = 0; i < n; i++) /* unpackers keep the last */
+        for (int k = 0; k < i; k++)
+            if (!strcmp(c->entry[k].name, c->entry[i].name))
+                return differs(c->out, "%.128s is in it twice", c->entry[i].name);
     for (int i = 0; i < n; i++) {
         if (strcmp(c->entry[i].name, SST_EVIDENCE_MANIFEST) != 0 || c->entry[i].bytes > (int64_t)MANIFEST_MOST)
             continue;
@@ -258,6 +277,7 @@ int sst_evidence_verify(const char *path, const char *key, struct sst_verdict *o
         snprintf(out->text, sizeof(out->text), "%d file%s as signed on %.32s at %.128s by %.32s", out->files,
                  out->files == 1 ? " is" : "s are", text_of(out->manifest, "made"), text_of(out->manifest, "site"),
                  text_of(out->manifest, "program"));
+        make_plain(out->text);
     }
     if (c.archive >= 0)
         close(c.archive);

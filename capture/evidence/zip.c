@@ -28,10 +28,12 @@ static int read_at(int fd, void *out, size_t n, int64_t at)
     return got == (ssize_t)n ? 0 : got < 0 ? -errno : -EBADMSG;
 }
 
-/* @param list  [bytes], the central directory @return bytes of its first entry, -EBADMSG, -EDOM, -EIO */
-static int read_entry(int fd, const uint8_t *list, size_t bytes, struct evidence_entry *out)
+/* @param list  [bytes], the central directory @param here  where the file's header must be: unpackers that read headers in
+ * their order would find a file that the list does not name; out, its end @return bytes of the first entry, -EBADMSG,
+ * -EDOM, -EIO */
+static int read_entry(int fd, const uint8_t *list, size_t bytes, int64_t *here, struct evidence_entry *out)
 {
-    uint8_t local[LOCAL_BYTES];
+    uint8_t local[LOCAL_BYTES + sizeof(out->name)];
     uint32_t name, all;
     int err;
 
@@ -45,12 +47,17 @@ static int read_entry(int fd, const uint8_t *list, size_t bytes, struct evidence
         return -EDOM;
     memcpy(out->name, list + CENTRAL_BYTES, name);
     out->name[name] = 0;
-    err = read_at(fd, local, sizeof(local), number(list + 42, 4));
+    err = number(list + 42, 4) == *here ? read_at(fd, local, LOCAL_BYTES + name, *here) : -EBADMSG;
     if (err)
         return err;
-    out->at = (int64_t)number(list + 42, 4) + LOCAL_BYTES + number(local + 26, 2) + number(local + 28, 2);
+    out->at = *here + LOCAL_BYTES + name + number(local + 28, 2);
     out->bytes = number(list + 24, 4);
-    return number(local, 4) == 0x04034b50 ? (int)all : -EBADMSG;
+    *here = out->at + out->bytes;
+    return number(local, 4) == 0x04034b50 && !memchr(list + CENTRAL_BYTES, 0, name) && number(local + 26, 2) == name &&
+                   !memcmp(local + LOCAL_BYTES, list + CENTRAL_BYTES, name) &&
+                   !memcmp(local + 8, list + 10, 2) && !memcmp(local + 18, list + 20, 8)
+               ? (int)all
+               : -EBADMSG;
 }
 
 int evidence_entries(int fd, struct evidence_entry **out)
@@ -58,6 +65,7 @@ int evidence_entries(int fd, struct evidence_entry **out)
     uint8_t end[END_BYTES], *list = NULL;
     struct evidence_entry *entry = NULL;
     size_t bytes = 0, at = 0;
+    int64_t here = 0;
     struct stat st;
     int count = 0, n = 0, err = fstat(fd, &st) ? -errno : st.st_size < END_BYTES ? -EBADMSG : 0;
 
@@ -75,10 +83,12 @@ int evidence_entries(int fd, struct evidence_entry **out)
         err = list && entry ? read_at(fd, list, bytes, number(end + 16, 4)) : -ENOMEM;
     }
     for (int i = 0; !err && i < count; i++) {
-        n = read_entry(fd, list + at, bytes - at, &entry[i]);
+        n = read_entry(fd, list + at, bytes - at, &here, &entry[i]);
         err = n < 0 ? n : 0;
         at += n > 0 ? (size_t)n : 0;
     }
+    if (!err && (at != bytes || here != number(end + 16, 4) || here + (int64_t)bytes + END_BYTES != st.st_size))
+        err = -EBADMSG;
     free(list);
     if (err) {
         free(entry);

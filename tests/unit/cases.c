@@ -326,6 +326,34 @@ static void a_visit_is_a_file_for_any_player(void **state)
     end();
 }
 
+/* Readers of archives would unpack something else: the last of two files of a name, or one before the list, which names
+ * none. */
+static void archives_that_lie(void)
+{
+    static const char program[] =
+        "import struct, warnings, zipfile\n"
+        "warnings.simplefilter('ignore')\n"
+        "data = open('case.zip', 'rb').read()\n"
+        "for n, name in enumerate(('index.html', 'manifest.json', 'bad\\x1b[2K\\r')):\n"
+        "    open('twice%d.zip' % n, 'wb').write(data)\n"
+        "    zipfile.ZipFile('twice%d.zip' % n, 'a').writestr(name, 'forged')\n"
+        "at, = struct.unpack('<I', data[-6:-2])\n"
+        "local = struct.pack('<4s5H3I2H', b'PK\\3\\4', 10, 0, 0, 0, 0, 0, 6, 6, 10, 0) + b'index.htmlforged'\n"
+        "end = data[at:-6] + struct.pack('<I', at + len(local)) + data[-2:]\n"
+        "open('hidden.zip', 'wb').write(data[:at] + local + end)\n"
+        "open('renamed.zip', 'wb').write(data.replace(b'index.html', b'other.html', 1))\n";
+    char line[2 * SST_PATH_MAX];
+
+    assert_int_equal(sst_file_write(in(top, "lie.py"), program, strlen(program)), 0);
+    snprintf(line, sizeof(line), "cd %s && /usr/bin/python3 lie.py", top);
+    assert_int_equal(system(line), 0);
+    assert_verdict(in(top, "twice0.zip"), NULL, false, "index.html is in it twice");
+    assert_verdict(in(top, "twice1.zip"), NULL, false, "manifest.json is in it twice");
+    assert_verdict(in(top, "twice2.zip"), NULL, false, "bad?[2K? was added");
+    assert_verdict(in(top, "hidden.zip"), NULL, false, "bytes that its list does not name");
+    assert_verdict(in(top, "renamed.zip"), NULL, false, "bytes that its list does not name");
+}
+
 static void several_are_a_case(void **state)
 {
     char name[SST_CASE_NAME], line[2 * SST_PATH_MAX];
@@ -371,6 +399,7 @@ static void several_are_a_case(void **state)
     snprintf(line, sizeof(line), "cd %s && cp case.zip other.zip && echo x >x && zip -q0 other.zip x 2>/dev/null || /usr/bin/python3 -c 'import zipfile; zipfile.ZipFile(\"other.zip\", \"a\").write(\"x\")'", top);
     assert_int_equal(system(line), 0);
     assert_verdict(in(top, "other.zip"), NULL, false, "x was added");
+    archives_that_lie();
     change(in(top, "case.zip"), "mdat", "mdaT");
     assert_verdict(in(top, "case.zip"), NULL, false, "-1.mp4 was changed");
     assert_int_equal(unlink(in(top, "case/index.html")), 0);
