@@ -30,3 +30,16 @@ void sst_text_make_utf8(char *text)
         *text = (unsigned char)*text < 0x80 ? *text : '?';
     json_decref(probe);
 }
+
+void sst_text_end_whole(char *text)
+{
+    const size_t n = strlen(text);
+    size_t first = n;
+    uint8_t lead;
+
+    while (first > 0 && ((uint8_t)text[first - 1] & 0xc0) == 0x80)
+        first--;
+    lead = first ? (uint8_t)text[first - 1] : 0;
+    if (lead >= 0xc0 && n - (first - 1) < (lead >= 0xf0 ? 4u : lead >= 0xe0 ? 3u : 2u))
+        text[first - 1] = 0;
+}

@@ -16,4 +16,7 @@ bool sst_text_ends(const char *text, const char *end);
  * not ASCII. */
 void sst_text_make_utf8(char *text);
 
+/** Remove a character of UTF-8 that a limit has cut off at the end. */
+void sst_text_end_whole(char *text);
+
 #endif

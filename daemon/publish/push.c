@@ -165,6 +165,8 @@ static void title_of(char out[160], const json_t *data, bool line)
     }
     if (!line && !json_array_size(zones))
         sst_text_add(out, 160, " moves");
+    sst_text_end_whole(out);
+    sst_text_make_utf8(out);
 }
 
 static char *text_of_event(const json_t *event, const json_t *data, bool line, const char *site)
@@ -176,6 +178,7 @@ static char *text_of_event(const json_t *event, const json_t *data, bool line, c
 
     title_of(title, data, line);
     snprintf(body, sizeof(body), "%.128s%s%.240s", site, site[0] ? ": " : "", text_of(event, "message"));
+    sst_text_end_whole(body);
     sst_text_make_utf8(body);
     snprintf(picture, sizeof(picture), "/api/v1/visits/%.64s/seen", visit);
     snprintf(url, sizeof(url), "/#visit=%.64s", visit);

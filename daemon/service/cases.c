@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "base/clock.h"
+#include "base/text.h"
 #include "daemon/service/service_internal.h"
 
 #define LEAD_NS  INT64_C(3000000000) /* of a visit's video before its beginning and after its end */
@@ -56,12 +57,14 @@ void service_configure_cases(struct sst_service *s, const struct sst_config *to)
 static void title_of(char out[128], const char *what, int64_t wall_ns)
 {
     const time_t seconds = (time_t)(wall_ns / 1000000000);
-    char when[32];
+    char when[32], part[81];
     struct tm tm;
 
     localtime_r(&seconds, &tm);
     strftime(when, sizeof(when), "%Y-%m-%d %H:%M:%S", &tm);
-    snprintf(out, 128, "%.80s, %s", what, when);
+    snprintf(part, sizeof(part), "%s", what);
+    sst_text_end_whole(part);
+    snprintf(out, 128, "%s, %s", part, when);
 }
 
 /* The data of a visit by its name, which begins with its time: "2026-11-21T18-05-00-123Z-7". @return NULL: none is kept */

@@ -15,6 +15,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/text.h"
 #include "base/thread.h"
 #include "daemon/storage/case_internal.h"
 #include "daemon/storage/video_internal.h"
@@ -255,7 +256,9 @@ static int write_manifest(struct work *w)
     manifest = json_pack("{s:s, s:s, s:s, s:s, s:s, s:s, s:s, s:O}", "format", SST_EVIDENCE_FORMAT, "program",
                          "sst " SST_VERSION, "name", w->job.name, "title", w->job.title, "site", w->site, "host", host,
                          "made", made, "files", w->files);
-    signed_ = manifest ? sst_evidence_sign(w->c->key, manifest) : NULL;
+    if (!manifest)
+        return -ENOMEM;
+    signed_ = sst_evidence_sign(w->c->key, manifest);
     if (!signed_)
         return -EKEYREJECTED; /* logged */
     text = json_dumps(signed_, JSON_INDENT(1));
@@ -485,10 +488,13 @@ int sst_cases_add(struct sst_cases *c, const struct sst_case_span *span, int cou
     memcpy(j.span, span, (size_t)count * sizeof(*span));
     for (int i = 0; i < count; i++)
         json_incref(j.span[i].visit);
-    if (count == 1)
+    if (count == 1) {
         snprintf(j.title, sizeof(j.title), "%s", span->title);
-    else
-        snprintf(j.title, sizeof(j.title), "%d visits, %.100s ...", count, span->title);
+    } else {
+        snprintf(j.title, sizeof(j.title), "%d visits, %.100s", count, span->title);
+        sst_text_end_whole(j.title);
+        strcat(j.title, " ...");
+    }
     name_locked(c, &j);
     memcpy(name, j.name, SST_CASE_NAME);
     c->job[c->jobs++] = j;

@@ -106,6 +106,14 @@ static void texts_are_added_as_far_as_they_fit(void **state SST_UNUSED)
     assert_string_equal(text, "a12, lo");
     sst_text_add(text, sizeof(text), "more");
     assert_string_equal(text, "a12, lo");
+    for (size_t n = 0; n <= strlen("a\xc3\xa4\xe2\x82\xac\xf0\x9f\x98\x80"); n++) {
+        static const char whole[] = "a\xc3\xa4\xe2\x82\xac\xf0\x9f\x98\x80";
+        char part[sizeof(whole)];
+
+        snprintf(part, n + 1, "%s", whole);
+        sst_text_end_whole(part);
+        assert_int_equal(strlen(part), n >= 10 ? 10 : n >= 6 ? 6 : n >= 3 ? 3 : n >= 1);
+    }
     assert_true(sst_text_ends("a.png", ".png"));
     assert_false(sst_text_ends(".png", ".png"));
     assert_false(sst_text_ends("a.PNG", ".png"));

@@ -363,8 +363,12 @@ static void several_are_a_case(void **state)
 
     (void)state;
     begin();
-    const struct sst_case_span two[] = { span(0, 1), span(2, 3) };
+    struct sst_case_span two[] = { span(0, 1), span(2, 3) };
 
+    /* Characters of three bytes up to the limit. */
+    memset(two[0].title, 0, sizeof(two[0].title));
+    for (size_t i = strlen(strcpy(two[0].title, "<b>")); i + 3 < sizeof(two[0].title); i += 3)
+        memcpy(two[0].title + i, "\xe2\x82\xac", 3);
     assert_int_equal(sst_cases_add(cases, two, 2, name), 0);
     free(wait_for(name, "done"));
     snprintf(line, sizeof(line), "%s.mp4", name);
@@ -372,7 +376,7 @@ static void several_are_a_case(void **state)
     save(name, ".zip", "application/zip", in(top, "case.zip"));
     snprintf(line, sizeof(line),
              "cd %s && /usr/bin/python3 -m zipfile -t case.zip >/dev/null && rm -rf case && /usr/bin/python3 -m zipfile -e case.zip case && "
-             "test $(ls case | wc -l) = 4 && grep -q 'Somebody &lt;b&gt;' case/index.html",
+             "test $(ls case | wc -l) = 4 && grep -q 'Somebody &lt;b&gt;' case/index.html && grep -q '<h1>2 visits, &lt;b&gt;\xe2\x82\xac' case/index.html",
              top);
     assert_int_equal(system(line), 0);
     assert_verdict(in(top, "case.zip"), NULL, true, "3 files are as signed");
