@@ -24,6 +24,7 @@
 #define KEPT          20 /* finished ones; then the oldest goes */
 #define JOBS          (QUEUE + KEPT)
 #define KEPT_DAYS     7
+#define LIMIT_NS      INT64_C(3600000000000) /* between looks for those that are older */
 #define FOLDER        "videos"
 #define MAKING        ".making"
 #define PAGE          "index.html"
@@ -123,6 +124,7 @@ static void remove_files(const struct sst_cases *c, const char *name)
 static void limit_locked(struct sst_cases *c)
 {
     const int64_t oldest_ns = sst_clock_wall_ns() - KEPT_DAYS * INT64_C(86400000000000);
+    const int before = c->jobs;
     int finished = 0;
 
     for (int i = 0; i < c->jobs; i++)
@@ -137,6 +139,8 @@ static void limit_locked(struct sst_cases *c)
         finished--;
         i--;
     }
+    if (c->jobs != before)
+        report_locked(c);
 }
 
 static struct job *running_locked(struct sst_cases *c)
@@ -339,7 +343,8 @@ static void *run(void *arg)
         for (int i = c->jobs; i-- > 0;)
             next = c->job[i].state == CASE_WAITING ? &c->job[i] : next;
         if (!next || !w) {
-            pthread_cond_wait(&c->changed, &c->lock);
+            limit_locked(c);
+            (void)sst_cond_wait_until(&c->changed, &c->lock, sst_clock_now_ns() + LIMIT_NS);
             continue;
         }
         next->state = CASE_RUNNING;
