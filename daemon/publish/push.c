@@ -358,7 +358,7 @@ static bool send_next(struct sst_push *p, int64_t *next_ns)
     if (!taken)
         return false;
     m.tries++;
-    if (i >= 0)
+    if (i >= 0 && settings.enabled) /* else it is dropped: they may have been disabled since */
         send_message(p, &m, &to, &settings, &o);
     judge(p, &m, &o);
     return true;
@@ -491,9 +491,10 @@ int sst_push_change(struct sst_push *p, const json_t *request, char error[512])
 
     pthread_mutex_lock(&p->lock);
     i = find_locked(p, endpoint);
-    if (!gone && !test) {
-        err = p->settings.enabled ? subscribe_locked(p, request, error)
-                                  : sst_api_refuse(error, -ENOTSUP, "notifications are off: push: enabled is false");
+    if (!gone && !p->settings.enabled) {
+        err = sst_api_refuse(error, -ENOTSUP, "notifications are off: push: enabled is false");
+    } else if (!gone && !test) {
+        err = subscribe_locked(p, request, error);
     } else if (i < 0) {
         err = sst_api_refuse(error, -ENOENT, "this browser has not subscribed");
     } else if (gone) {

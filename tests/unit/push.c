@@ -482,6 +482,9 @@ static void visits_reach_browsers(void **state)
     o = sst_push_state(p);
     assert_false(json_is_true(json_object_get(o, "supported")));
     json_decref(o);
+    o = json_pack("{s:s, s:b}", "endpoint", where, "test", 1);
+    assert_int_equal(sst_push_change(p, o, error), -ENOTSUP); /* nothing is sent any more */
+    json_decref(o);
     sst_push_close(p);
     assert_int_equal(access(in("12.json"), F_OK), -1);
     sst_events_shut(events);
