@@ -23,7 +23,7 @@ struct check {
     struct sst_verdict *out;
 };
 
-/* Names come from files of anybody: a terminal must not obey them. */
+/* Names come from foreign files: a terminal must not obey their control characters. */
 static void make_plain(char *text)
 {
     sst_text_make_utf8(text);

@@ -358,7 +358,7 @@ static bool send_next(struct sst_push *p, int64_t *next_ns)
     if (!taken)
         return false;
     m.tries++;
-    if (i >= 0 && settings.enabled) /* else it is dropped: they may have been disabled since */
+    if (i >= 0 && settings.enabled) /* else the message is dropped: notifications may have been disabled since */
         send_message(p, &m, &to, &settings, &o);
     judge(p, &m, &o);
     return true;

@@ -24,7 +24,7 @@
 #define KEPT          20 /* finished ones; then the oldest goes */
 #define JOBS          (QUEUE + KEPT)
 #define KEPT_DAYS     7
-#define LIMIT_NS      INT64_C(3600000000000) /* between looks for those that are older */
+#define LIMIT_NS      INT64_C(3600000000000) /* between removals of old cases */
 #define FOLDER        "videos"
 #define MAKING        ".making"
 #define PAGE          "index.html"

@@ -326,8 +326,7 @@ static void a_visit_is_a_file_for_any_player(void **state)
     end();
 }
 
-/* Readers of archives would unpack something else: the last of two files of a name, or one before the list, which names
- * none. */
+/* Unpackers would write other files: the last of two files of a name, or a file that the list leaves out. */
 static void archives_that_lie(void)
 {
     static const char program[] =
