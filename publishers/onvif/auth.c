@@ -177,7 +177,7 @@ static enum sst_login_verdict judge_token(struct auth *a, const struct auth_requ
         log_clock(a, r->client.address, at_ns - wall_ns);
         return SST_LOGIN_STALE;
     }
-    /* Without the nonce, whose bytes have many forms in Base64: the digest over them has a single form. */
+    /* Without the nonce: its bytes have many forms in Base64, and the digest over them has a single form. */
     if (!use_once(a, (const char *const[]){ created, password, NULL }, at_ns + (ONVIF_CLOCK_S + 1) * SECOND, wall_ns))
         return SST_LOGIN_STALE;
     return SST_LOGIN_RIGHT;
