@@ -353,6 +353,23 @@ static bool is_right(const char *word)
            !strcmp(word, "control");
 }
 
+/* A name or an address; only those of IPv6 have colons, and more than one. */
+static bool is_host(const char *host)
+{
+    return host[0] && !host[strcspn(host, " /@?#<>&\"'")] && (!strchr(host, ':') || strchr(host, ':') != strrchr(host, ':'));
+}
+
+static void check_push(const struct config_load *load)
+{
+    const struct sst_config *c = load->cfg;
+
+    for (int i = 0; i < c->push.hosts; i++)
+        if (!is_host(c->push.host[i]))
+            fault(source(load, "push.hosts", NULL), NULL, "must be names such as push.example.org, without scheme, port and path");
+    if (c->push.contact[0] && strncmp(c->push.contact, "mailto:", 7) != 0 && strncmp(c->push.contact, "https://", 8) != 0)
+        fault(source(load, "push.contact", NULL), NULL, "must begin with mailto: or https://, such as mailto:guard@example.org");
+}
+
 static void check_sockets(const struct config_load *load)
 {
     const struct sst_config *c = load->cfg;
@@ -443,6 +460,7 @@ void config_check_service(struct config_load *load)
     check_hooks(load);
     check_sockets(load);
     check_onvif(load);
+    check_push(load);
     check_poses(load);
     if (c->live.white_level ? c->live.black_level >= c->live.white_level : c->live.black_level > 0)
         fault(source(load, "live.black_level", "live.white_level"), NULL, "must be below white_level");

@@ -309,6 +309,8 @@ static void single_faults_are_told(void **state)
         { "rtsp: { enabled: true }\nonvif: { enabled: true, port: 8554 }\n", "port 8554 is the port of both onvif and rtsp" },
         { "rtsp: { enabled: true }\nonvif: { enabled: true, port: 8090 }\n", "port 8090 is the port of both onvif and web" },
         { "onvif: { user: me }\n", "needs both user and password_file" },
+        { "push: { contact: me@example.org }\n", "1:18: contact must begin with mailto:" },
+        { "push: { hosts: [\"https://push.example.org\"] }\n", "hosts must be names such as push.example.org" },
         { "rtsp: { enabled: true }\nonvif: { enabled: true, host: \"http://a/\" }\n", "without scheme and path" },
         { "rtsp: { codec: h265 }\n", "must be h264 or mjpeg, not h265" },
         { "mqtt: { enabled: true, host: broker.example.org, user: me, password_file: /etc/hosts }\n",
