@@ -5,7 +5,7 @@ import { ApiError } from "/web/api.js";
 const CODEC = "avc1.42c01f"; // for the question alone; the service names its own
 const HEAD = 20; // bytes before a picture: time in us, number of the set, flags
 const QUEUE_MAX = 2; // pictures that wait for the decoder; then it goes on with a key picture
-const START_MS = 8000; // until the first picture
+const START_MS = 8000; // until the first picture, after the service has sent something
 const AGAIN_MS = 60000; // after a failure, connections get JPEG
 const FAULTS_MS = 20000; // a decoder that fails twice in this time is not used; browsers take decoders back, too
 const STATUS = 4000; // added to an HTTP status in a close code
@@ -66,6 +66,7 @@ class Connection {
     this.done = done;
     this.key = true; // the next picture must be one
     this.pictures = 0;
+    this.silent = true; // nothing has arrived
     this.decoder = new VideoDecoder({ output: (frame) => this.output(frame),
       error: (error) => this.fault(error) });
     const address = new URL(path, location.href);
@@ -74,10 +75,23 @@ class Connection {
     this.socket.binaryType = "arraybuffer";
     this.socket.onmessage = ({ data }) => this.take(data);
     this.socket.onclose = (event) => this.closed(event);
-    this.timer = setTimeout(() => this.end(new Unusable("no picture was decoded in time")), START_MS);
+    this.arm();
+  }
+
+  /** A service that has sent nothing yet, as while a moment of a recording is computed, is waited for. */
+  arm() {
+    this.timer = setTimeout(() => {
+      if (this.silent && this.socket.readyState === WebSocket.OPEN) this.arm();
+      else this.end(new Unusable("no picture was decoded in time"));
+    }, START_MS);
   }
 
   take(data) {
+    if (this.silent) {
+      this.silent = false;
+      clearTimeout(this.timer);
+      this.arm();
+    }
     this.alive();
     try {
       if (typeof data === "string") this.configure(JSON.parse(data));
