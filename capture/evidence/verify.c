@@ -251,7 +251,7 @@ static int read_beside(struct check *c, const char *path, uint8_t **data, size_t
         return -ENOENT;
     }
     if (!sst_path_exists(manifest)) {
-        sst_log_error("%s has no manifest beside it: %s is missing; the service keeps it beside the video", path,
+        sst_log_error("%s has no manifest beside it: %s is missing; the page saves it by Manifest beside the video", path,
                       sst_path_base(manifest));
         return -ENOENT;
     }
