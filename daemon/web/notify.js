@@ -9,7 +9,7 @@ const SOUND_S = 0.5;
 function obstacle() {
   if (!window.isSecureContext) return "Browsers allow notifications over HTTPS or on this machine only.";
   if (!("Notification" in window)) return "This browser has no notifications.";
-  return Notification.permission === "denied" ? "This browser was told to refuse them: allow notifications in the settings of this site." : "";
+  return Notification.permission === "denied" ? "This browser refuses notifications of this site: allow them in its settings." : "";
 }
 
 function beep() {

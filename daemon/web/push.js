@@ -9,7 +9,7 @@ const KEPT = "sst-push";
 function obstacle() {
   if (!window.isSecureContext) return "Browsers allow this over HTTPS or on this machine only.";
   if (!("serviceWorker" in navigator) || !("PushManager" in window)) return "This browser has no notifications without a page; on an iPhone add the page to the home screen first.";
-  return Notification.permission === "denied" ? "This browser was told to refuse notifications: allow them in the settings of this site." : "";
+  return Notification.permission === "denied" ? "This browser refuses notifications of this site: allow them in its settings." : "";
 }
 
 const bytesOf = (base64) => Uint8Array.from(atob(base64.replaceAll("-", "+").replaceAll("_", "/")), (c) => c.charCodeAt(0));

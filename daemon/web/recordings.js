@@ -167,7 +167,7 @@ export class Recordings {
   show(row, entry) {
     const from = Date.parse(entry.from), to = Date.parse(entry.to);
     setText(row.when, localTime(entry.from));
-    setText(row.what, [stopwatch((to - from) / 1000, true), bytes(entry.bytes), entry.why].filter(Boolean).join(" · "));
+    setText(row.what, [duration((to - from) / 1000), bytes(entry.bytes), entry.why].filter(Boolean).join(" · "));
     row.badge.hidden = !entry.active;
     const shown = entry.view && entry.view_from ? entry.view_from : ""; // else nobody watched, and there is no picture
     if (row.picture.dataset.shown !== shown) {

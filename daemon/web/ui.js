@@ -138,11 +138,10 @@ export function duration(seconds) {
   return `${Math.floor(s / 86400)} d ${Math.floor(s / 3600) % 24} h`;
 }
 
-/** 02:05, 1:02:05; with `hours` always 00:02:05. */
-export function stopwatch(seconds, hours = false) {
+/** 02:05, 1:02:05. */
+export function stopwatch(seconds) {
   const s = Math.max(0, Math.floor(seconds));
   const two = (n) => String(n).padStart(2, "0");
-  if (hours) return `${two(Math.floor(s / 3600))}:${two(Math.floor(s / 60) % 60)}:${two(s % 60)}`;
   return s < 3600 ? `${two(Math.floor(s / 60))}:${two(s % 60)}`
     : `${Math.floor(s / 3600)}:${two(Math.floor(s / 60) % 60)}:${two(s % 60)}`;
 }

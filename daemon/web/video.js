@@ -37,7 +37,7 @@ export class Videos {
   addSelection() {
     const button = el("button", { type: "button", class: "small", "data-control": "", title: "One archive with a video of each, for others" }, "Video");
     onUse(button, () => this.make({ visits: this.visits.selection().map(({ visit }) => visit) }));
-    $("selection").append(button);
+    $("selection").querySelector("[data-action=export]").before(button);
   }
 
   async make(what) {

@@ -1,6 +1,6 @@
 // A visit in words, for cards, the large one, events and the day.
 
-import { finite, localTime, number, stopwatch } from "/web/ui.js";
+import { duration, finite, localTime, number } from "/web/ui.js";
 
 const LEAD_MS = 1500; // before the moment that is on the card
 
@@ -15,8 +15,8 @@ function places({ zones, crossed = [] }) {
 }
 
 export function facts(visit) {
-  return [visit.active ? "there now" : stopwatch(visit.seconds, true), places(visit), visit.nearest_m === null ? "" : `nearest ${number(visit.nearest_m, 1)} m`,
-    visit.direction, visit.hidden ? "behind the foreground" : "", visit.keep ? "kept" : ""].filter(Boolean).join(" · ");
+  return [visit.active ? "there now" : duration(visit.seconds), places(visit), visit.nearest_m === null ? "" : `nearest ${number(visit.nearest_m, 1)}\u00a0m`,
+    visit.direction, visit.hidden ? "behind the foreground" : "", visit.keep ? "kept" : ""].filter(Boolean).join("\u00a0· ");
 }
 
 export const title = (visit) => `${what(visit)}, ${localTime(visit.from)}`;

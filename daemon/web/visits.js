@@ -38,7 +38,7 @@ export class Visits {
     $("hint-visits-close").addEventListener("click", () => this.explained());
     $("visits-wide").addEventListener("click", () => this.widen());
     $("selection").append(...ACTIONS.filter((action) => action.many).map((action) => this.button(action, () => this.selection(), false)),
-      el("button", { type: "button", class: "small", id: "selection-clear", onclick: () => this.select([]) }, "Clear"));
+      el("button", { type: "button", class: "small", id: "selection-clear", onclick: () => this.select([]) }, "Deselect"));
   }
 
   /** The hint is shown until it was read or a card was opened, and never again. */

@@ -316,6 +316,21 @@ def test_phone(b, fake):
     for tab in ("overview", "health", "events", "recordings", "visits"):
         b.click(f"#tab-{tab}")
         check(b.js("document.documentElement.scrollWidth <= 390"), f"{tab} scrolls sideways")
+    cut_off = b.js("[...document.querySelectorAll('#visits .facts-line')].filter((n) => n.scrollHeight > n.clientHeight + 1).map((n) => n.textContent)")
+    check(not cut_off, f"cards whose text does not fit: {cut_off}")
+    plain = b.box(".bar")[3]
+    recording = b.js("""(() => {
+        const [badge, text] = ['rec-badge', 'rec-badge-text'].map((id) => document.getElementById(id));
+        badge.hidden = false;
+        text.textContent = 'REC 00:31';
+        const height = document.querySelector('.bar').getBoundingClientRect().height;
+        badge.hidden = true;
+        return height;
+    })()""")
+    check(recording <= plain + 1, "the badge of a recording takes a line of its own, and moves the picture")
+    b.js("document.getElementById('replay').hidden = false")
+    check_rows(b, (("replay-play", "replay-speed"), ("replay-at", "replay-video")), 390, 844)
+    b.js("document.getElementById('replay').hidden = true")
     hold = lambda n, s: [b.touch("touchStart", b.at_rest(f"#visits .visit:nth-child({n}) .visit-picture")[:2]), time.sleep(s), b.touch("touchEnd")]
     b.js("document.querySelector('#visits .visit').scrollIntoView({block: 'end'})")
     hold(1, 0.8)  # a finger that stays selects, then others do by a tap
@@ -373,6 +388,25 @@ def test_names(b, fake):
             check(wanted in stops, f"Tab does not reach {wanted}: {stops}")
 
 
+def test_silent(b, fake):
+    """H.264 is not given up while the service sends nothing, but when nothing of what it sends is decoded."""
+    timers, why = b.js("""(async () => {
+        const { watch } = await import('/web/h264.js');
+        const real = [WebSocket, setTimeout];
+        const timers = [], made = [];
+        globalThis.WebSocket = class { static OPEN = 1; readyState = 1; constructor() { made.push(this); } close() {} send() {} };
+        globalThis.setTimeout = (run) => timers.push(run);
+        const ended = watch('/video', new AbortController().signal, { show() {}, alive() {} }).then(() => 'ended', (error) => error.message);
+        timers[0]();
+        const before = timers.length;
+        made[0].onmessage({ data: '{"codec":"avc1.42c01f","width":640,"height":480,"encoder":"none"}' });
+        timers.at(-1)();
+        [globalThis.WebSocket, globalThis.setTimeout] = real;
+        return [before, await ended];
+    })()""")
+    check(timers == 2 and why == "no picture was decoded in time", f"{timers} timers, then: {why}")
+
+
 def test_contrast(b, fake):
     for light in (True, False):
         b.scheme(light)
@@ -392,5 +426,5 @@ def test_infinity(b, fake):
 
 
 TESTS = [test_hints, test_locale, test_sessions, test_role, test_states, test_storage, test_hosts, test_device,
-         test_shared, test_restart, test_reload, test_hidden, test_windows, test_busy, test_cut, test_update,
+         test_shared, test_restart, test_reload, test_hidden, test_windows, test_busy, test_cut, test_silent, test_update,
          test_phone, test_names, test_contrast, test_infinity]
