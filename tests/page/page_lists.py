@@ -116,7 +116,7 @@ def test_visits(b, fake):
     cards = "document.querySelectorAll('#visits .visit')"
     b.wait(f"{cards}.length === 4 && document.querySelector('#visits [data-drawn=seen]') !== null")
     text = b.js("document.querySelector('#visits .visit').textContent")
-    check("Pedestrian" in text and "left to right" in text and "gate" in text and "6.1 m" in text, f"the card says {text}")
+    check("Pedestrian" in text and "left to right" in text and "gate" in text and "12 s" in text and "6.1\u00a0m" in text, f"the card says {text}")
     check("gate, crossed drive forward" in text, f"the card of who crossed a line says {text}")
     check("behind the foreground" in b.js(f"{cards}[3].textContent") and "behind" not in text, "who is hidden is not said to be")
     b.js("(() => { const s = document.getElementById('visits-label'); s.value = 'Car'; s.dispatchEvent(new Event('change')); })()")
