@@ -106,6 +106,7 @@ static json_t *reload(bool dry_run)
 static const struct {
     const char *key, *yaml; /* %s: the folder */
 } special[] = {
+    { "site", "site: yard" },
     { "array.rows", "array: { rows: 3 }" },
     { "array.cols", "array: { cols: 3 }" },
     { "role", "role: head\nhosts: { nodes: [ a ], ca: /a.pem, certificate: /c.pem, key: /k.pem }" },
@@ -129,6 +130,11 @@ static const struct {
     { "web.tls_certificate", "web: { tls_certificate: /c.pem, tls_key: /k.pem }" },
     { "web.tls_key", "web: { tls_certificate: /c.pem, tls_key: /k.pem }" },
     { "web.streams", "web: { streams: 33 }" },
+    { "web.url", "web: { url: https://cam.example }" },
+    { "proxy.addresses", "proxy: { addresses: [ 127.0.0.2 ], rights: [ view ] }" },
+    { "proxy.rights", "proxy: { addresses: [ 127.0.0.2 ], rights: [ view ] }" },
+    { "push.hosts", "push: { hosts: [ push.example.org ] }" },
+    { "push.contact", "push: { contact: \"mailto:guard@example.org\" }" },
     { "rtsp.address", "rtsp: { address: 127.0.0.2 }" },
     { "rtsp.user", "rtsp: { user: u, password_file: /p }" },
     { "rtsp.password_file", "rtsp: { user: u, password_file: /p }" },
