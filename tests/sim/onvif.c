@@ -34,7 +34,7 @@ static struct sst_slot *slot;
 static pid_t program;
 static int port;
 static _Atomic int subscribers, refusals;
-static char answer[262144];
+static _Thread_local char answer[262144];
 
 /* --- the service -------------------------------------------------------------------------------------------------- */
 
