@@ -38,7 +38,7 @@ static int find_file(struct args *a)
     return err;
 }
 
-/* The service notes its own; errors are no reason to undo what was done. */
+/* Audit line of a change to the file without the service. The change stays where the line cannot be written. */
 static void note(const struct args *a, const char *object)
 {
     char path[SST_PATH_MAX], name[32];

@@ -353,7 +353,7 @@ static bool is_right(const char *word)
            !strcmp(word, "control");
 }
 
-/* A name or an address; only those of IPv6 have colons, and more than one. */
+/* Host name or address; IPv6 addresses alone have colons, at least two. */
 static bool is_host(const char *host)
 {
     return host[0] && !host[strcspn(host, " /@?#<>&\"'")] && (!strchr(host, ':') || strchr(host, ':') != strrchr(host, ':'));

@@ -235,7 +235,7 @@ static const struct sst_jpeg *next_picture(struct http_video *v)
     return jpeg;
 }
 
-/* Is anybody left? Else it leaves the list, so that nobody joins any more. */
+/* Has the encoder viewers left? Without viewers it is removed from the list, so that no viewer joins. */
 static bool is_watched(struct http_video *v)
 {
     struct http_video **at;

@@ -52,7 +52,7 @@ struct http_tokens {
 /** @param token_file  beside which they are kept; NULL: there are none */
 void http_tokens_init(struct http_tokens *t, const char *token_file);
 void http_tokens_fini(struct http_tokens *t);
-/** Whose secret is it? @return false: nobody's, or it has expired */
+/** Find the token of a secret. @return false: no token has it, or it has expired */
 bool http_tokens_find(struct http_tokens *t, const char *secret, struct http_grant *out);
 /** Does the token of an id still count? @param out  NULL: of no interest */
 bool http_tokens_lasts(struct http_tokens *t, const char *id, struct http_grant *out);

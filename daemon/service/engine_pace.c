@@ -15,7 +15,7 @@
 #define OFF_S     10   /* ... and until it is none, */
 #define AGAIN     1.25 /* at this much more than the limits */
 
-/* Sets a second in the last whole seconds, processed and all, less than the service was told to leave out. */
+/* Rates of processed and of due sets in the last whole seconds; due sets are limited by live.rate_hz. */
 static void measure_locked(const struct live_engine *v, int64_t now_s, double *done_hz, double *due_hz)
 {
     const double limit_hz = v->config.live.rate_hz;

@@ -19,11 +19,10 @@
 #define DEEPER          0.15 /* logarithm of a ratio of distances: nearer or farther by this, a visitor has moved */
 #define DEEPER_HIDDEN   0.45 /* behind leaves depths come from a few planes */
 #define PATH_STEP       0.02 /* of the picture's width or height between two points of a path */
-/* A visit that begins goes on from one that was lost at most so long ago, at about the same distance, if it then has
- * gone at most so many of its heights a second: people run at 2 to 3. */
-#define JOIN_S         12.0
-#define JOIN_RATIO     1.4
-#define JOIN_HEIGHTS_S 2.5
+/* Limits between a lost track and the new one that continues it. */
+#define JOIN_S         12.0 /* gap */
+#define JOIN_RATIO     1.4  /* of their distances */
+#define JOIN_HEIGHTS_S 2.5  /* speed, in heights of the person a second: runners have 2 to 3 */
 #define PATH_NS        INT64_C(1500000000) /* behind leaves a point of a path is made from all within this */
 
 double engine_distance_m(const struct live_engine *v, double disp_px)

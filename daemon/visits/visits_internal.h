@@ -9,7 +9,8 @@
 #include "base/file.h"
 #include "daemon/visits/visits.h"
 
-#define NAME_LENGTH 63
+#define VISITS_LINES "visits.jsonl"
+#define NAME_LENGTH  63
 #define DAY         10                  /* characters of "2026-11-21", which names begin with */
 #define WAITING     64                  /* jobs */
 #define DAY_MOST    ((size_t)256 << 20) /* bytes of a day's lines */
@@ -54,7 +55,23 @@ int visits_days(const struct sst_visits *v, struct dirent ***out);
 
 int64_t visits_file_bytes(const char *path);
 
-/** Reviews of a day: {name: [user]}. @return an object, empty where nobody has or it cannot be read;
+/** Endings of the pictures' files, by enum sst_visit_picture. */
+extern const char *const visits_picture_files[2];
+
+/** Path of a file of a visit. @param ending  behind its name */
+SST_MUST_CHECK int visits_file_path(char out[SST_PATH_MAX], const struct sst_visits *v, const char *visit,
+                                    const char *ending);
+
+/** Is a visit kept for good? */
+bool visits_is_kept(const struct sst_visits *v, const char *visit);
+
+/** Text of a member; "" where there is none. */
+const char *visits_text(const json_t *o, const char *key);
+
+/** The last line of each visit of a day, by name. @return object, or NULL: out of memory */
+json_t *visits_read_day(const struct sst_visits *v, const char *day);
+
+/** Reviews of a day: {name: [user]}. @return object, empty without reviews or where the file cannot be read;
  * NULL: out of memory */
 json_t *visits_reviewed(const struct sst_visits *v, const char *day);
 

@@ -60,7 +60,7 @@ export class Boxes {
     this.wake();
   }
 
-  /** Does the cut of this page's picture remove a track, unless it is told to keep it? */
+  /** Does the cut of this page's picture remove a track? Not with keep_moving. */
   isCut({ removed, disparity_px: px }) {
     const { cut_px: cut } = this.app.clear;
     return cut === null ? removed === true : cut !== NOTHING_PX && px > cut;

@@ -22,7 +22,7 @@ YAML
 (umask 077 && echo 'sesame seed' >password)
 cat >inside.sh <<'SH'
 ip link set lo up && mount -t tmpfs none /run && mkdir -p /run/netns && ip netns add recorder || exit 1
-ip link add cam0 type veth peer name rec0 netns recorder || exit 77
+ip link add cam0 type veth peer name rec0 netns recorder || { echo "no pair of veth devices (kernel module veth)"; exit 77; }
 ip addr add 10.9.8.7/24 dev cam0 && ip link set cam0 up && ip route add default dev cam0
 there() { ip netns exec recorder "$@"; }
 there ip link set lo up && there ip addr add 10.9.8.9/24 dev rec0 && there ip link set rec0 up && there ip route add default dev rec0
