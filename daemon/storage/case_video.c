@@ -112,6 +112,19 @@ static int64_t view_time(const struct video *v, size_t i)
     return v->format.wall_ns + (v->frame[i].t_ns - v->frame[0].t_ns);
 }
 
+static int rate_of(const struct sst_recording *r)
+{
+    const double rate_hz = sst_recording_info(r)->rate_hz;
+
+    return (int)fmax(RATE_LEAST, fmin(rate_hz > 0 ? ceil(rate_hz - 1e-3) : RATE_UNKNOWN, SST_MP4_RATE_MOST));
+}
+
+/* Tolerance for times that tremble about the rate: a picture belongs to the frame of the video that it is nearest to. */
+static int64_t half_frame_ns(const struct sst_recording *r)
+{
+    return 500000000 / rate_of(r);
+}
+
 /* The first set that is not before a moment. */
 static int first_set(struct film *f, int64_t from_ns)
 {
@@ -146,7 +159,7 @@ static int open_source(struct film *f, int64_t at_ns)
     s->camera = middle_camera(sst_recording_info(s->reader));
     if (s->camera < 0)
         return refuse(f, -ENOENT, "the recording %.40s has no camera", s->name);
-    s->set_next = first_set(f, at_ns);
+    s->set_next = first_set(f, at_ns - half_frame_ns(s->reader));
     if (video_of_view(&s->view, dir)) /* it was not recorded: there is a camera alone */
         video_fini(&s->view);
     if (s->view.count && !sst_path_join(path, dir, SST_VIDEO_PICTURES))
@@ -200,7 +213,7 @@ static int show_set(struct film *f, int64_t at_ns)
         err = sst_recording_frame_of(s->reader, s->set_next, s->camera, &one);
         if (err && err != -EBADMSG)
             return refuse(f, err, "the recording %.40s cannot be read: %s", s->name, strerror(-err));
-        if (!err && one.wall_ns > at_ns)
+        if (!err && one.wall_ns > at_ns + half_frame_ns(s->reader))
             break;
         if (!err && one.frame.present && one.frame.bytes)
             last = s->set_next;
@@ -223,7 +236,7 @@ static int show_view(struct film *f, int64_t at_ns)
     uint8_t *data;
     int err = 0;
 
-    while (s->view_next < s->view.count && view_time(&s->view, s->view_next) <= at_ns)
+    while (s->view_next < s->view.count && view_time(&s->view, s->view_next) <= at_ns + half_frame_ns(s->reader))
         s->view_next++;
     if (s->view_next == before || s->view_fd < 0)
         return 0;
@@ -341,13 +354,12 @@ static int begin(struct film *f)
 {
     const struct sst_recording_info *info = sst_recording_info(f->source.reader);
     const struct sst_recorder_track *track = &info->track[f->source.camera];
-    const double rate_hz = info->rate_hz > 0 ? ceil(info->rate_hz - 1e-3) : RATE_UNKNOWN;
     struct sst_mp4_config cfg = { .portable = true, .title = f->job->span->title };
     char *held, said[SST_LOG_MAX] = "";
     struct sst_recording_one one;
     int err;
 
-    f->rate_hz = (int)fmax(RATE_LEAST, fmin(rate_hz, SST_MP4_RATE_MOST));
+    f->rate_hz = rate_of(f->source.reader);
     snprintf(f->camera, sizeof(f->camera), "R%dC%d %.60s", track->row, track->col,
              track->serial[0] ? track->serial : track->port);
     if (f->source.set_next >= sst_recording_sets(f->source.reader))
