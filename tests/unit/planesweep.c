@@ -86,11 +86,12 @@ static double off(const struct field *f, int k, int top, int bottom)
 static void any_number_of_threads_gives_the_same_maps(void **state SST_UNUSED)
 {
     enum { HEIGHT = 210 }; /* three tiles */
+    const size_t width = small_level() >= 2 ? 60 : 150;
     struct sst_map_u16 disp;
     struct sst_map_u8 cost;
     struct field f;
 
-    make_field(&f, 150, HEIGHT);
+    make_field(&f, (int)width, HEIGHT);
     assert_int_equal(sst_planesweep(&f.all), 0);
     disp = f.disp[5];
     cost = f.cost[5];
@@ -100,8 +101,8 @@ static void any_number_of_threads_gives_the_same_maps(void **state SST_UNUSED)
     f.all.threads = 3;
     assert_int_equal(sst_planesweep(&f.all), 0);
     for (int y = 0; y < HEIGHT; y++) {
-        assert_memory_equal(sst_map_u16_row(&disp, y), sst_map_u16_row(&f.disp[5], y), 150 * sizeof(uint16_t));
-        assert_memory_equal(sst_map_u8_row(&cost, y), sst_map_u8_row(&f.cost[5], y), 150);
+        assert_memory_equal(sst_map_u16_row(&disp, y), sst_map_u16_row(&f.disp[5], y), width * sizeof(uint16_t));
+        assert_memory_equal(sst_map_u8_row(&cost, y), sst_map_u8_row(&f.cost[5], y), width);
     }
     sst_map_u16_fini(&disp);
     sst_map_u8_fini(&cost);
@@ -202,5 +203,5 @@ int main(void)
         cmocka_unit_test(limits_and_cancelling_end_it),
     };
 
-    return cmocka_run_group_tests_name("planesweep", tests, NULL, NULL);
+    return cmocka_run_group_tests(tests, NULL, NULL);
 }

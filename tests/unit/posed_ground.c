@@ -17,8 +17,8 @@
 #include "tests/small.h"
 #include "tests/test.h"
 
-#define WIDTH  (small_level() ? 160 : 320) /* sanitizers take 3 (address) to 90 (thread) times as long */
-#define HEIGHT (small_level() ? 120 : 240)
+#define WIDTH  (small_level() >= 2 ? 96 : small_level() ? 160 : 320) /* sanitizers take 3 (address) to 90 (thread) times as long */
+#define HEIGHT (small_level() >= 2 ? 72 : small_level() ? 120 : 240)
 #define VIEWS  10
 #define FLOOR  30000.0 /* mm in front of the cameras */
 #define LEAVES 20000.0

@@ -131,9 +131,7 @@ static void rod_is_even(const struct sst_posed *posed)
     assert_true(fabs(sum / (ROD - 1) - 1000) < 1e-6);
 }
 
-/* A rod of cameras over a forest, named in another order: all are placed, alike for any number of threads, in a unit
- * that is not metric. */
-static void forest_is_placed(void **state SST_UNUSED)
+static void forest(bool twice)
 {
     struct sst_flight_config cfg = flight_of(288, 288, ROD);
     struct sst_posed truth, found, again;
@@ -147,12 +145,13 @@ static void forest_is_placed(void **state SST_UNUSED)
     rename_views(&again);
     for (int k = 0; k < truth.count; k++)
         found.view[k].camera.known = again.view[k].camera.known = false;
-    assert_int_equal(solve(&found, path, &(struct sst_posed_solve_config){ .threads = 1 }), 0);
-    assert_int_equal(solve(&again, path, &(struct sst_posed_solve_config){ .threads = 3 }), 0);
+    assert_int_equal(solve(&found, path, &(struct sst_posed_solve_config){ .threads = 3 }), 0);
+    if (twice)
+        assert_int_equal(solve(&again, path, &(struct sst_posed_solve_config){ .threads = 1 }), 0);
     assert_int_equal(sst_posed_placed(&found), truth.count);
     assert_false(found.metric);
     rod_is_even(&found);
-    for (int k = 0; k < truth.count; k++)
+    for (int k = 0; twice && k < truth.count; k++)
         assert_memory_equal(&found.view[k].camera, &again.view[k].camera, sizeof(found.view[k].camera));
     assert_true(found.median_px < 0.2);
     assert_true(reprojection(&truth, &found) < 0.1);
@@ -161,6 +160,17 @@ static void forest_is_placed(void **state SST_UNUSED)
     sst_posed_fini(&truth);
     sst_posed_fini(&found);
     sst_posed_fini(&again);
+}
+
+/* A rod of cameras over a forest, named in another order: all are placed, in a unit that is not metric. */
+static void forest_is_placed(void **state SST_UNUSED)
+{
+    forest(false);
+}
+
+static void forest_is_placed_alike_by_any_threads(void **state SST_UNUSED)
+{
+    forest(true);
 }
 
 /* A flight with thermal pictures whose compass is off by a degree; so few and small ones leave up to a third of it. */
@@ -307,6 +317,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(forest_is_placed),
+        plain_test(forest_is_placed_alike_by_any_threads),
         serial_test(compass_is_corrected),
         serial_test(poses_without_evidence),
         cmocka_unit_test(views_without_poses_have_neighbours),
