@@ -36,7 +36,7 @@ struct message {
 struct sst_push {
     /* fixed after open */
     struct sst_events *events;
-    char key_path[SST_PATH_MAX], list_path[SST_PATH_MAX];
+    char key_path[SST_PATH_MAX], list_path[SST_PATH_MAX], page[512];
     pthread_t thread;
     pthread_mutex_t lock;
     /* under bell: events never wait for the disk, which `lock` is held for */
@@ -169,19 +169,19 @@ static void title_of(char out[160], const json_t *data, bool line)
     sst_text_make_utf8(out);
 }
 
-static char *text_of_event(const json_t *event, const json_t *data, bool line, const char *site)
+static char *text_of_event(const struct sst_push *p, const json_t *event, const json_t *data, bool line)
 {
     const char *visit = text_of(data, "visit");
-    char title[160], body[400], picture[160], url[96];
+    char title[160], body[400], picture[160], url[512];
     json_t *o;
     char *text;
 
     title_of(title, data, line);
-    snprintf(body, sizeof(body), "%.128s%s%.240s", site, site[0] ? ": " : "", text_of(event, "message"));
+    snprintf(body, sizeof(body), "%.128s%s%.240s", p->site, p->site[0] ? ": " : "", text_of(event, "message"));
     sst_text_end_whole(body);
     sst_text_make_utf8(body);
     snprintf(picture, sizeof(picture), "/api/v1/visits/%.64s/seen", visit);
-    snprintf(url, sizeof(url), "/#visit=%.64s", visit);
+    snprintf(url, sizeof(url), "%.400s/#visit=%.64s", p->page, visit);
     o = json_pack("{s:s, s:s, s:s, s:s, s:s, s:s}", "title", title, "body", body, "tag", visit, "url", url, "picture",
                   picture, "time", text_of(event, "time"));
     text = o ? json_dumps(o, JSON_COMPACT) : NULL;
@@ -189,30 +189,39 @@ static char *text_of_event(const json_t *event, const json_t *data, bool line, c
     return text;
 }
 
-/* For each subscription that wants it: not twice for a visit, and not within its cool-down. A label may be recognised after the
- * beginning: a filter of labels is tried again at the end. */
+/* May a subscription get another message? Visits and crossings each have a cool-down of their own; a visit is notified once. A
+ * label may be recognised after the beginning: a filter of labels is tried again at the end of the visit. */
+static bool is_due(const struct push_subscription *s, const json_t *data, bool line, double cool_s)
+{
+    const int64_t last_ns = line ? s->line_ns : s->told_ns;
+    const bool ends = !json_is_true(json_object_get(data, "active"));
+
+    if (!line && (!strcmp(s->visit, text_of(data, "visit")) || (ends && !s->labels[0])))
+        return false;
+    return !last_ns || (double)(sst_clock_now_ns() - last_ns) >= cool_s * 1e9;
+}
+
 static void handle_event(struct sst_push *p, const char *json)
 {
     json_t *event = json_loads(json, 0, NULL);
     const json_t *data = json_object_get(event, "data");
     const bool line = !strcmp(text_of(event, "type"), "line");
-    const bool visit = !strcmp(text_of(event, "type"), "visit"), ends = !json_is_true(json_object_get(data, "active"));
-    const int64_t now_ns = sst_clock_now_ns();
+    const bool visit = !strcmp(text_of(event, "type"), "visit");
     char *text = NULL;
 
     pthread_mutex_lock(&p->lock);
     for (int i = 0; (line || visit) && p->settings.enabled && i < p->count; i++) {
         struct push_subscription *s = &p->list[i];
         const double cool_s = isnan(s->cool_down_s) ? p->settings.cool_down_s : s->cool_down_s;
-        const bool same = !strcmp(s->visit, text_of(data, "visit"));
 
-        if (!wants(s, data, line) || (same && !line) || (visit && ends && !s->labels[0]) || (!same && s->told_ns && (double)(now_ns - s->told_ns) < cool_s * 1e9))
+        if (!wants(s, data, line) || !is_due(s, data, line, cool_s))
             continue;
-        text = text ? text : text_of_event(event, data, line, p->site);
+        text = text ? text : text_of_event(p, event, data, line);
         if (!text)
             break;
-        s->told_ns = now_ns;
-        snprintf(s->visit, sizeof(s->visit), "%s", text_of(data, "visit"));
+        *(line ? &s->line_ns : &s->told_ns) = sst_clock_now_ns();
+        if (visit)
+            snprintf(s->visit, sizeof(s->visit), "%s", text_of(data, "visit"));
         enqueue_locked(p, s->endpoint, text);
     }
     pthread_mutex_unlock(&p->lock);
@@ -403,6 +412,7 @@ int sst_push_open(struct sst_push **out, const struct sst_push_config *cfg)
         return -ENOMEM;
     p->events = cfg->events;
     p->seen = sst_events_last(cfg->events);
+    snprintf(p->page, sizeof(p->page), "%s", cfg->page);
     snprintf(p->key_path, sizeof(p->key_path), "%.*s" KEY_FILE, folder, cfg->beside);
     snprintf(p->list_path, sizeof(p->list_path), "%.*s" LIST_FILE, folder, cfg->beside);
     pthread_mutex_init(&p->lock, NULL);
@@ -469,6 +479,7 @@ static int subscribe_locked(struct sst_push *p, const json_t *request, char erro
     if (i >= 0) { /* another filter */
         before = p->list[i];
         s.told_ns = before.told_ns;
+        s.line_ns = before.line_ns;
         memcpy(s.visit, before.visit, sizeof(s.visit));
     }
     p->list[i < 0 ? p->count++ : i] = s;

@@ -14,8 +14,9 @@ struct sst_push; /* opaque; any thread, but open and close */
 struct sst_push_config {
     struct sst_events *events; /* must outlive the object */
     const char *beside;        /* path of a file; in its folder are push-key.pem and push.json, the service's alone */
-    const struct sst_push_settings *settings; /* copied, as site */
+    const struct sst_push_settings *settings; /* copied, as site and page */
     const char *site;
+    const char *page; /* address of links, without a slash at its end; "": that by which the browser subscribed */
 };
 
 /** Read the subscriptions and start the thread that sends. @return 0, -ENOMEM, -EAGAIN, -ENOSPC (too many watchers) */

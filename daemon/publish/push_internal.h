@@ -56,8 +56,8 @@ struct push_subscription {
     char labels[PUSH_LIST], zones[PUSH_LIST];
     double cool_down_s;
     /* since the start */
-    int64_t told_ns;    /* clock of the last message; 0: none */
-    char visit[64];     /* of the last message */
+    int64_t told_ns, line_ns; /* clock of the last message about a visit and a crossing; 0: none */
+    char visit[64];           /* of the last message about a visit */
 };
 
 /** @param list  [SST_PUSH_MAX] @return number; damaged entries are left out, logged */

@@ -135,12 +135,14 @@ static int open_visits(struct sst_service *s)
 
 static int open_push(struct sst_service *s)
 {
-    char site[256];
+    char site[256], page[512] = "";
     const struct sst_push_config push = {
-        .events = s->events, .beside = s->config.web.token_file, .settings = &s->config.push, .site = site
+        .events = s->events, .beside = s->config.web.token_file, .settings = &s->config.push, .site = site, .page = page
     };
 
     service_site(site, &s->config);
+    if (s->config.web.url[0]) /* else the browser knows best by which address it reached this machine */
+        sst_config_page(page, &s->config);
     return sst_push_open(&s->push, &push);
 }
 

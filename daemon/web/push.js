@@ -22,8 +22,8 @@ export class Push {
     this.box.addEventListener("change", () => this.change());
     for (const id of ["visits-label", "visits-zone"]) $(id).addEventListener("change", () => this.renew());
     navigator.serviceWorker?.addEventListener("message", ({ data }) => {
-      const [, name] = /^\/#visit=(.+)$/.exec(data.open ?? "") ?? [];
-      if (name) onOpen(decodeURIComponent(name));
+      const name = new URLSearchParams(new URL(data.open ?? "/", location.href).hash.slice(1)).get("visit");
+      if (name) onOpen(name);
     });
     this.renew();
   }

@@ -385,6 +385,34 @@ static struct sst_push_settings settings(void)
     return s;
 }
 
+static void emit_line(struct sst_events *events, const char *visit, const char *zone)
+{
+    sst_events_emit(events, SST_EVENT_INFO, "line", json_pack("{s:s, s:s, s:s, s:s}", "visit", visit, "label", "Pedestrian", "zone", zone, "direction", "forward"),
+                    "Pedestrian crossed %s forward", zone);
+}
+
+/* A visit and a crossing each, then nothing for an hour. @param n  number of the first request */
+static void check_cool_downs(struct sst_push *p, struct sst_events *events, int n)
+{
+    json_t *o = subscription("lines/201", NULL, "drive");
+    char where[100];
+
+    json_object_set_new(o, "cool_down_s", json_integer(3600));
+    subscribe(p, o);
+    emit(events, "w1", "Pedestrian", "drive", true);
+    emit_line(events, "w1", "drive");
+    emit_line(events, "w1", "drive");
+    emit_line(events, "w2", "drive");
+    emit(events, "w2", "Pedestrian", "drive", true);
+    wait_for(p, "sent", 2);
+    check_message(n, "/lines/201", "Pedestrian in drive");
+    check_message(n + 1, "/lines/201", "Pedestrian crossed drive forward");
+    endpoint(where, "lines/201");
+    subscribe(p, json_pack("{s:s, s:b}", "endpoint", where, "test", 1));
+    wait_for(p, "sent", 3);
+    check_message(n + 2, "/lines/201", "Notifications work");
+}
+
 static void visits_reach_browsers(void **state)
 {
     struct sst_push_settings set;
@@ -397,7 +425,7 @@ static void visits_reach_browsers(void **state)
     (void)state;
     start_server();
     set = settings();
-    const struct sst_push_config cfg = { .beside = in("token"), .settings = &set, .site = "Yard" };
+    const struct sst_push_config cfg = { .beside = in("token"), .settings = &set, .site = "Yard", .page = "https://cam.example/yard" };
     struct sst_push_config opened = cfg;
 
     assert_int_equal(sst_events_create(&events, 64), 0);
@@ -432,11 +460,10 @@ static void visits_reach_browsers(void **state)
     check_message(2, "/persons/201", "Pedestrian in gate");
     o = decrypt(2);
     assert_string_equal(json_string_value(json_object_get(o, "body")), "Yard: Pedestrian came");
-    assert_string_equal(json_string_value(json_object_get(o, "url")), "/#visit=v2");
+    assert_string_equal(json_string_value(json_object_get(o, "url")), "https://cam.example/yard/#visit=v2");
     assert_string_equal(json_string_value(json_object_get(o, "picture")), "/api/v1/visits/v2/seen");
     json_decref(o);
-    sst_events_emit(events, SST_EVENT_INFO, "line", json_pack("{s:s, s:s, s:s, s:s}", "visit", "v2", "label", "Pedestrian", "zone", "gate", "direction", "forward"),
-                    "Pedestrian crossed gate forward");
+    emit_line(events, "v2", "gate");
     wait_for(p, "sent", 4);
     check_message(3, "/persons/201", "Pedestrian crossed gate forward");
     /* One that is gone is removed, and stays so; a busy service is tried again. */
@@ -471,6 +498,7 @@ static void visits_reach_browsers(void **state)
     sst_push_close(p);
     assert_int_equal(sst_push_open(&p, &opened), 0);
     assert_int_equal(number(p, "subscriptions"), 2);
+    check_cool_downs(p, events, 12);
     /* Without leave nothing connects to this machine, whatever its name says. */
     set.private_hosts = false;
     sst_push_configure(p, &set, "Yard");
@@ -486,7 +514,7 @@ static void visits_reach_browsers(void **state)
     assert_int_equal(sst_push_change(p, o, error), -ENOTSUP); /* nothing is sent any more */
     json_decref(o);
     sst_push_close(p);
-    assert_int_equal(access(in("12.json"), F_OK), -1);
+    assert_int_equal(access(in("15.json"), F_OK), -1);
     sst_events_shut(events);
     sst_events_destroy(events);
 }
@@ -494,7 +522,7 @@ static void visits_reach_browsers(void **state)
 static void subscriptions_are_limited(void **state)
 {
     const struct sst_push_settings set = settings();
-    struct sst_push_config cfg = { .beside = in("more/token"), .settings = &set, .site = "" };
+    struct sst_push_config cfg = { .beside = in("more/token"), .settings = &set, .site = "", .page = "" };
     struct sst_push *p;
     char path[32], error[512];
     json_t *o;
