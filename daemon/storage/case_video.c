@@ -29,6 +29,7 @@
 #define LINES        2                   /* of a caption */
 #define CHARACTERS   100                 /* that fit in a line of it, about */
 #define PAD_DOTS     4
+#define WIDTH_LEAST  320 /* of a frame: the caption needs it */
 
 /* A recording that is read. */
 struct source {
@@ -43,9 +44,11 @@ struct source {
     struct sst_recording_set set;
 };
 
-/* Of a frame, from left to right: see-through, camera; below both the caption. */
+/* Frame of a video, from left to right: see-through, camera; below both the caption. Without a see-through view the camera has
+ * the whole width: rendering the view from the sets would take several times as long as the video lasts. */
 struct layout {
-    int width, height, half, band, zoom;
+    bool alone;
+    int width, height, cell, band, zoom;
 };
 
 struct film {
@@ -184,14 +187,14 @@ static int draw(struct film *f, int cell, uint32_t fourcc, const uint8_t *data, 
     raw.width = cell ? info->width : s->view.format.width;
     raw.height = cell ? info->height : s->view.format.height;
     raw.stride = cell ? s->set.frame[s->camera].stride : 0;
-    err = sst_raw_is_jpeg(fourcc) ? sst_jpeg_decode_small(&image, data, bytes, "a picture", f->layout.half)
+    err = sst_raw_is_jpeg(fourcc) ? sst_jpeg_decode_small(&image, data, bytes, "a picture", f->layout.cell)
                                   : sst_raw_decode(&image, &raw);
     if (err) /* a damaged picture: the one before stays */
         return 0;
-    scale = fmin((double)f->layout.half / image.width, (double)height / image.height);
+    scale = fmin((double)f->layout.cell / image.width, (double)height / image.height);
     w = (int)(image.width * scale) & ~1;
     h = (int)(image.height * scale) & ~1;
-    x = (cell * f->layout.half + (f->layout.half - w) / 2) & ~1;
+    x = ((f->layout.alone ? 0 : cell * f->layout.cell) + (f->layout.cell - w) / 2) & ~1;
     y = ((height - h) / 2) & ~1;
     err = sst_mp4_put(f->mp4, &image, (struct sst_rect){ .x0 = x, .y0 = y, .x1 = x + w, .y1 = y + h });
     sst_image_fini(&image);
@@ -238,7 +241,7 @@ static int show_view(struct film *f, int64_t at_ns)
 
     while (s->view_next < s->view.count && view_time(&s->view, s->view_next) <= at_ns + half_frame_ns(s->reader))
         s->view_next++;
-    if (s->view_next == before || s->view_fd < 0)
+    if (s->view_next == before || s->view_fd < 0 || f->layout.alone)
         return 0;
     frame = &s->view.frame[s->view_next - 1];
     data = malloc(frame->bytes);
@@ -298,7 +301,7 @@ static int draw_caption(struct film *f)
 
     memset(text, 0, sizeof(text)); /* they are compared whole */
     plain(site, sizeof(site), f->job->site);
-    if (s->view.count)
+    if (s->view.count && !l->alone)
         snprintf(text[0][0], sizeof(text[0][0]), "SEE-THROUGH");
     else
         snprintf(text[0][0], sizeof(text[0][0]), "SEE-THROUGH VIEW WAS NOT RECORDED");
@@ -316,7 +319,7 @@ static int draw_caption(struct film *f)
     sst_pen_fill(&black, (struct sst_rect){ .x1 = l->width, .y1 = l->band });
     for (int i = 0; i < LINES; i++)
         for (int side = 0; side < 2; side++)
-            sst_pen_text(&white, side * l->half + PAD_DOTS * l->zoom,
+            sst_pen_text(&white, side * l->width / 2 + PAD_DOTS * l->zoom,
                          l->zoom * (PAD_DOTS + i * (SST_FONT_HEIGHT + PAD_DOTS)), text[i][side]);
     return sst_mp4_put(f->mp4, &f->band,
                        (struct sst_rect){ .y0 = l->height - l->band, .x1 = l->width, .y1 = l->height });
@@ -324,29 +327,32 @@ static int draw_caption(struct film *f)
 
 /* --- the file ----------------------------------------------------------------------------------------------------- */
 
-/* Halves of equal size, each large enough for its picture, within the limits of players. */
+/* Cells of equal size, each large enough for its picture, within the limits of players. */
 static void lay_out(struct film *f)
 {
     const struct sst_recording_info *info = sst_recording_info(f->source.reader);
     const struct video *v = &f->source.view;
     struct layout *l = &f->layout;
     double shape = (double)info->height / info->width;
-    int height, most = SST_MP4_WIDTH_MOST / 2;
+    int height, cells, most;
 
-    l->half = info->width;
+    l->alone = !v->count;
+    cells = l->alone ? 1 : 2;
+    most = SST_MP4_WIDTH_MOST / cells;
+    l->cell = info->width;
     if (v->count && v->format.width > 0) {
         shape = fmax(shape, (double)v->format.height / v->format.width);
-        l->half = l->half > v->format.width ? l->half : v->format.width;
+        l->cell = l->cell > v->format.width ? l->cell : v->format.width;
     }
-    l->half = (l->half < most ? l->half : most) & ~1;
-    l->half = l->half < 160 ? 160 : l->half;
-    l->zoom = 2 * l->half / (CHARACTERS * SST_FONT_WIDTH);
+    l->cell = (l->cell < most ? l->cell : most) & ~1;
+    l->cell = l->cell < WIDTH_LEAST / cells ? WIDTH_LEAST / cells : l->cell;
+    l->width = cells * l->cell;
+    l->zoom = l->width / (CHARACTERS * SST_FONT_WIDTH);
     l->zoom = l->zoom < 1 ? 1 : l->zoom;
     l->band = (l->zoom * (PAD_DOTS + LINES * (SST_FONT_HEIGHT + PAD_DOTS)) + 1) & ~1;
-    height = (int)ceil(l->half * shape);
+    height = (int)ceil(l->cell * shape);
     if (height > SST_MP4_HEIGHT_MOST - l->band)
         height = SST_MP4_HEIGHT_MOST - l->band;
-    l->width = 2 * l->half;
     l->height = ((height + 1) & ~1) + l->band;
 }
 
@@ -379,6 +385,19 @@ static int begin(struct film *f)
     return err && said[0] ? refuse(f, err, "%.250s", said) : err;
 }
 
+/* Black instead of the last recording's see-through view. */
+static int clear_view(struct film *f)
+{
+    const struct layout *l = &f->layout;
+    const struct sst_pen black = { &f->band, 0, l->zoom };
+
+    if (l->alone)
+        return 0;
+    sst_pen_fill(&black, (struct sst_rect){ .x1 = l->width, .y1 = l->band });
+    memset(f->caption, 0, sizeof(f->caption)); /* it is drawn again into the band */
+    return sst_mp4_put(f->mp4, &f->band, (struct sst_rect){ .x1 = l->cell, .y1 = l->height - l->band });
+}
+
 /* After the end of a recording, another one that goes on. @return 0, -ENODATA: there is none */
 static int go_on(struct film *f, int64_t at_ns)
 {
@@ -397,6 +416,8 @@ static int go_on(struct film *f, int64_t at_ns)
         return -ENODATA;
     close_source(f);
     err = open_source(f, at_ns);
+    if (!err && !f->source.view.count)
+        err = clear_view(f);
     return err || f->source.set_next >= sst_recording_sets(f->source.reader) ? -ENODATA : 0;
 }
 

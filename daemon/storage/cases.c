@@ -25,6 +25,7 @@
 #define JOBS          (QUEUE + KEPT)
 #define KEPT_DAYS     7
 #define LIMIT_NS      INT64_C(3600000000000) /* between removals of old cases */
+#define MEASURE_NS    INT64_C(500000000)     /* between looks at the size of the case that is made */
 #define FOLDER        "videos"
 #define MAKING        ".making"
 #define PAGE          "index.html"
@@ -160,8 +161,35 @@ struct work {
     char site[256], dir[SST_PATH_MAX], why[CASE_WHY];
     double begins, share; /* of the progress of the span at work */
     json_t *files;
-    int64_t bytes;
+    int64_t bytes, measured_ns;
 };
+
+/* Size of a case's files, unfinished ones too. */
+static int64_t size_of(const char *dir)
+{
+    DIR *folder = opendir(dir);
+    int64_t bytes = 0;
+    struct stat st;
+
+    for (const struct dirent *e; folder && (e = readdir(folder));)
+        if (!fstatat(dirfd(folder), e->d_name, &st, AT_SYMLINK_NOFOLLOW) && S_ISREG(st.st_mode))
+            bytes += (int64_t)st.st_size;
+    if (folder)
+        closedir(folder);
+    return bytes;
+}
+
+/* Count a case that is made in the quota. */
+static void measure(struct work *w)
+{
+    const int64_t bytes = size_of(w->dir);
+
+    w->measured_ns = sst_clock_now_ns();
+    pthread_mutex_lock(&w->c->lock);
+    running_locked(w->c)->bytes = bytes;
+    report_locked(w->c);
+    pthread_mutex_unlock(&w->c->lock);
+}
 
 static bool go_on(void *arg, double done)
 {
@@ -169,6 +197,8 @@ static bool go_on(void *arg, double done)
     struct job *j;
     bool wanted;
 
+    if (sst_clock_now_ns() - w->measured_ns > MEASURE_NS)
+        measure(w);
     pthread_mutex_lock(&w->c->lock);
     j = running_locked(w->c);
     wanted = !w->c->stop && !j->cancel;
@@ -228,6 +258,7 @@ static int make_video(struct work *w, int i)
     err = err ? err : case_video_make(&v, &facts, w->why);
     if (err)
         return err;
+    measure(w);
     if (span->visit)
         json_object_set(facts, "visit", span->visit);
     err = add_file(w, name, span->title, facts);
