@@ -212,7 +212,7 @@ $(BUILD)/obj/simulators/devices/main.o: simulators/devices/help.txt
 $(BUILD)/obj/cli/status.o: cli/status.txt
 # libcurl is loaded when it is first used.
 ifeq (1,$(WITH_CURL))
-$(BUILD)/obj/client/client.o $(BUILD)/obj/daemon/publish/push_send.o: private CFLAGS_ALL += -DSST_CURL_LIBRARY='"$(shell readelf -d $$($(CC) -print-file-name=$(patsubst -l%,lib%.so,$(filter -lcurl%,$(PACKAGE_LIBS)))) | sed -n 's/.*(SONAME).*\[\(.*\)\]/\1/p')"'
+$(BUILD)/obj/base/curl.o: private CFLAGS_ALL += -DSST_CURL_LIBRARY='"$(shell readelf -d $$($(CC) -print-file-name=$(patsubst -l%,lib%.so,$(filter -lcurl%,$(PACKAGE_LIBS)))) | sed -n 's/.*(SONAME).*\[\(.*\)\]/\1/p')"'
 endif
 # So is LibRaw.
 ifeq (1,$(WITH_RAW))

@@ -9,13 +9,11 @@
 #include <sys/types.h>
 
 #include "base/clock.h"
+#include "base/curl.h"
 #include "base/file.h"
 #include "base/log.h"
 
 #if WITH_CURL
-#include <curl/curl.h>
-#include <dlfcn.h>
-#include <pthread.h>
 #include <sys/un.h>
 #endif
 
@@ -31,10 +29,12 @@
 
 struct sst_client {
 #if WITH_CURL
+    const struct sst_curl *lib; /* NULL: not loaded */
     CURL *curl;
     struct curl_slist *get_headers, *post_headers;
 #endif
     char place[512];  /* for messages: socket path or URL */
+    const char *token_file; /* NULL: none */
     const char *base; /* of URLs */
     /* of the running transfer */
     char *text; /* the answer, or the beginning of a line or part; ends in NUL */
@@ -53,49 +53,6 @@ struct sst_client {
 };
 
 #if WITH_CURL
-/* --- libcurl: with the libraries that it needs, it would take a third of every start of sst ------------------------
- */
-
-#undef curl_easy_setopt
-#undef curl_easy_getinfo
-
-#define FUNCTIONS(X)                                                                                                   \
-    X(curl_global_init)                                                                                                \
-    X(curl_easy_init)                                                                                                  \
-    X(curl_easy_setopt)                                                                                                \
-    X(curl_easy_perform)                                                                                               \
-    X(curl_easy_getinfo)                                                                                               \
-    X(curl_easy_strerror)                                                                                              \
-    X(curl_easy_cleanup)                                                                                               \
-    X(curl_slist_append)                                                                                               \
-    X(curl_slist_free_all)
-
-static struct {
-#define X(name) __typeof__(&(name)) name;
-    FUNCTIONS(X)
-#undef X
-} lib; /* fixed after load() */
-static bool loaded;
-static pthread_once_t once = PTHREAD_ONCE_INIT;
-
-static void load(void)
-{
-    void *library = dlopen(SST_CURL_LIBRARY, RTLD_NOW | RTLD_LOCAL);
-
-    if (!library) {
-        sst_log_error("cannot load %s: %s; install the package that has it", SST_CURL_LIBRARY, dlerror());
-        return;
-    }
-    loaded = true;
-#define X(name)                                                                                                        \
-    *(void **)&lib.name = dlsym(library, #name);                                                                       \
-    loaded = loaded && lib.name;
-    FUNCTIONS(X)
-#undef X
-    if (!loaded)
-        sst_log_error("%s is of another version: functions are missing", SST_CURL_LIBRARY);
-}
-
 /* --- receiving ---------------------------------------------------------------------------------------------------- */
 
 static int append(struct sst_client *c, const char *data, size_t bytes)
@@ -215,7 +172,7 @@ static size_t receive(char *data, size_t one, size_t bytes, void *arg)
 
     (void)one; /* always 1 */
     c->heard_ns = sst_clock_now_ns();
-    (void)lib.curl_easy_getinfo(c->curl, CURLINFO_RESPONSE_CODE, &code);
+    (void)c->lib->curl_easy_getinfo(c->curl, CURLINFO_RESPONSE_CODE, &code);
     if (code / 100 == 2 && c->file) {
         if (fwrite(data, 1, bytes, c->file) != bytes)
             c->err = errno ? -errno : -EIO;
@@ -248,7 +205,7 @@ static int transfer_error(struct sst_client *c, CURLcode code, const char *said)
 {
     long os = 0;
 
-    (void)lib.curl_easy_getinfo(c->curl, CURLINFO_OS_ERRNO, &os);
+    (void)c->lib->curl_easy_getinfo(c->curl, CURLINFO_OS_ERRNO, &os);
     switch (code) {
     case CURLE_COULDNT_CONNECT:
         if (os == EACCES || os == EPERM) {
@@ -266,13 +223,13 @@ static int transfer_error(struct sst_client *c, CURLcode code, const char *said)
         return -ETIMEDOUT;
     case CURLE_SSL_CONNECT_ERROR:
         sst_log_error("the service at %s cannot be asked by TLS: %s; without web.tls_certificate it is http://",
-                      c->place, *said ? said : lib.curl_easy_strerror(code));
+                      c->place, *said ? said : c->lib->curl_easy_strerror(code));
         return -ENOPKG;
     case CURLE_OUT_OF_MEMORY:
         sst_log_error("no memory to ask the service");
         return -ENOMEM;
     default:
-        sst_log_error("the service at %s cannot be asked: %s", c->place, *said ? said : lib.curl_easy_strerror(code));
+        sst_log_error("the service at %s cannot be asked: %s", c->place, *said ? said : c->lib->curl_easy_strerror(code));
         return code == CURLE_PEER_FAILED_VERIFICATION ? -EACCES : -EPROTO;
     }
 }
@@ -296,7 +253,11 @@ static int refusal(struct sst_client *c, long code)
     snprintf(sentence, sizeof(sentence), "%s", error ? error : "");
     for (char *t = sentence; *t; t++) /* no answer drives the terminal */
         *t = (unsigned char)*t < ' ' || *t == 127 ? '?' : *t;
-    if (code == 401)
+    if (code == 401 && c->token_file)
+        sst_log_error("the service at %s does not accept the token in %s: it was revoked, has expired or is another service's; "
+                      "`sst token list` on that machine shows those that count",
+                      c->place, c->token_file);
+    else if (code == 401)
         sst_log_error("the service at %s requires a token: --token-file FILE names a file that holds it, a copy of its "
                       "web.token_file",
                       c->place);
@@ -332,19 +293,19 @@ static int transfer(struct sst_client *c, const char *path, const char *post, bo
     c->length = 0;
     c->heard_ns = sst_clock_now_ns();
     c->silence_ns = silence_s(c, path, endless) * INT64_C(1000000000);
-    (void)lib.curl_easy_setopt(c->curl, CURLOPT_URL, url);
-    (void)lib.curl_easy_setopt(c->curl, CURLOPT_ERRORBUFFER, said);
-    (void)lib.curl_easy_setopt(c->curl, CURLOPT_HTTPGET, 1L);
-    (void)lib.curl_easy_setopt(c->curl, CURLOPT_HTTPHEADER, post ? c->post_headers : c->get_headers);
+    (void)c->lib->curl_easy_setopt(c->curl, CURLOPT_URL, url);
+    (void)c->lib->curl_easy_setopt(c->curl, CURLOPT_ERRORBUFFER, said);
+    (void)c->lib->curl_easy_setopt(c->curl, CURLOPT_HTTPGET, 1L);
+    (void)c->lib->curl_easy_setopt(c->curl, CURLOPT_HTTPHEADER, post ? c->post_headers : c->get_headers);
     if (post) {
-        (void)lib.curl_easy_setopt(c->curl, CURLOPT_POST, 1L);
-        (void)lib.curl_easy_setopt(c->curl, CURLOPT_POSTFIELDSIZE, (long)strlen(post));
-        (void)lib.curl_easy_setopt(c->curl, CURLOPT_POSTFIELDS, post);
+        (void)c->lib->curl_easy_setopt(c->curl, CURLOPT_POST, 1L);
+        (void)c->lib->curl_easy_setopt(c->curl, CURLOPT_POSTFIELDSIZE, (long)strlen(post));
+        (void)c->lib->curl_easy_setopt(c->curl, CURLOPT_POSTFIELDS, post);
     }
-    code = lib.curl_easy_perform(c->curl);
-    (void)lib.curl_easy_setopt(c->curl, CURLOPT_ERRORBUFFER, NULL);
-    (void)lib.curl_easy_getinfo(c->curl, CURLINFO_RESPONSE_CODE, &status);
-    (void)lib.curl_easy_getinfo(c->curl, CURLINFO_CONTENT_TYPE, &c->type);
+    code = c->lib->curl_easy_perform(c->curl);
+    (void)c->lib->curl_easy_setopt(c->curl, CURLOPT_ERRORBUFFER, NULL);
+    (void)c->lib->curl_easy_getinfo(c->curl, CURLINFO_RESPONSE_CODE, &status);
+    (void)c->lib->curl_easy_getinfo(c->curl, CURLINFO_CONTENT_TYPE, &c->type);
     if (c->err == -ETIMEDOUT)
         return transfer_error(c, CURLE_OPERATION_TIMEDOUT, said);
     if (c->err)
@@ -356,9 +317,9 @@ static int transfer(struct sst_client *c, const char *path, const char *post, bo
 
 /* --- opening ------------------------------------------------------------------------------------------------------ */
 
-static bool add_header(struct curl_slist **list, const char *header)
+static bool add_header(const struct sst_client *c, struct curl_slist **list, const char *header)
 {
-    struct curl_slist *longer = lib.curl_slist_append(*list, header);
+    struct curl_slist *longer = c->lib->curl_slist_append(*list, header);
 
     if (longer)
         *list = longer;
@@ -384,7 +345,7 @@ static int add_token(struct sst_client *c, const char *file)
     free(token);
     if (err || !size)
         return -EBADMSG;
-    return add_header(&c->get_headers, header) && add_header(&c->post_headers, header) ? 0 : -ENOMEM;
+    return add_header(c, &c->get_headers, header) && add_header(c, &c->post_headers, header) ? 0 : -ENOMEM;
 }
 
 /* Where the token passes nothing but this machine. */
@@ -422,7 +383,8 @@ static int set_place(struct sst_client *c, const struct sst_client_service *wher
         if (where->token_file && !is_private(where->url))
             sst_log_warning("--url %s: the token goes to another machine unencrypted; use https://, or `ssh -L`",
                             where->url);
-        return where->token_file ? add_token(c, where->token_file) : 0;
+        c->token_file = where->token_file;
+        return c->token_file ? add_token(c, c->token_file) : 0;
     }
     if (strlen(path) >= sizeof(((struct sockaddr_un *)NULL)->sun_path)) {
         sst_log_error("%s: the path of a socket has at most %zu characters", path,
@@ -430,38 +392,40 @@ static int set_place(struct sst_client *c, const struct sst_client_service *wher
         return -EINVAL;
     }
     c->base = "http://localhost";
-    return lib.curl_easy_setopt(c->curl, CURLOPT_UNIX_SOCKET_PATH, c->place) ? -ENOMEM : 0;
+    return c->lib->curl_easy_setopt(c->curl, CURLOPT_UNIX_SOCKET_PATH, c->place) ? -ENOMEM : 0;
 }
 
 int sst_client_open(struct sst_client **out, const struct sst_client_service *where)
 {
     struct sst_client *c = calloc(1, sizeof(*c));
+    char why[256];
     int err = -ENOMEM;
 
     if (!c)
         goto fail;
-    pthread_once(&once, load);
-    if (!loaded || lib.curl_global_init(CURL_GLOBAL_DEFAULT)) {
+    c->lib = sst_curl_load(why);
+    if (!c->lib) {
+        sst_log_error("%s", why);
         err = -ENOTSUP;
         goto fail;
     }
-    c->curl = lib.curl_easy_init();
+    c->curl = c->lib->curl_easy_init();
     if (!c->curl)
         goto fail;
-    if (!add_header(&c->get_headers, "Accept: application/json, application/x-ndjson, */*;q=0.1") ||
-        !add_header(&c->post_headers, "Content-Type: application/json") || !add_header(&c->post_headers, "Expect:"))
+    if (!add_header(c, &c->get_headers, "Accept: application/json, application/x-ndjson, */*;q=0.1") ||
+        !add_header(c, &c->post_headers, "Content-Type: application/json") || !add_header(c, &c->post_headers, "Expect:"))
         goto fail;
-    (void)lib.curl_easy_setopt(c->curl, CURLOPT_WRITEFUNCTION, receive);
-    (void)lib.curl_easy_setopt(c->curl, CURLOPT_WRITEDATA, c);
-    (void)lib.curl_easy_setopt(c->curl, CURLOPT_XFERINFOFUNCTION, progress);
-    (void)lib.curl_easy_setopt(c->curl, CURLOPT_XFERINFODATA, c);
-    (void)lib.curl_easy_setopt(c->curl, CURLOPT_NOSIGNAL, 1L);
-    (void)lib.curl_easy_setopt(c->curl, CURLOPT_PROTOCOLS_STR, "http,https");
-    (void)lib.curl_easy_setopt(c->curl, CURLOPT_PROXY, ""); /* no proxy of the environment */
-    (void)lib.curl_easy_setopt(c->curl, CURLOPT_CONNECTTIMEOUT, (long)CONNECT_S);
-    (void)lib.curl_easy_setopt(c->curl, CURLOPT_NOPROGRESS, 0L);
+    (void)c->lib->curl_easy_setopt(c->curl, CURLOPT_WRITEFUNCTION, receive);
+    (void)c->lib->curl_easy_setopt(c->curl, CURLOPT_WRITEDATA, c);
+    (void)c->lib->curl_easy_setopt(c->curl, CURLOPT_XFERINFOFUNCTION, progress);
+    (void)c->lib->curl_easy_setopt(c->curl, CURLOPT_XFERINFODATA, c);
+    (void)c->lib->curl_easy_setopt(c->curl, CURLOPT_NOSIGNAL, 1L);
+    (void)c->lib->curl_easy_setopt(c->curl, CURLOPT_PROTOCOLS_STR, "http,https");
+    (void)c->lib->curl_easy_setopt(c->curl, CURLOPT_PROXY, ""); /* no proxy of the environment */
+    (void)c->lib->curl_easy_setopt(c->curl, CURLOPT_CONNECTTIMEOUT, (long)CONNECT_S);
+    (void)c->lib->curl_easy_setopt(c->curl, CURLOPT_NOPROGRESS, 0L);
     if (where->ca)
-        (void)lib.curl_easy_setopt(c->curl, CURLOPT_CAINFO, where->ca);
+        (void)c->lib->curl_easy_setopt(c->curl, CURLOPT_CAINFO, where->ca);
     err = set_place(c, where);
     if (err)
         goto fail;
@@ -479,10 +443,10 @@ void sst_client_close(struct sst_client *c)
 {
     if (!c)
         return;
-    if (loaded) {
-        lib.curl_easy_cleanup(c->curl);
-        lib.curl_slist_free_all(c->get_headers);
-        lib.curl_slist_free_all(c->post_headers);
+    if (c->lib) {
+        c->lib->curl_easy_cleanup(c->curl);
+        c->lib->curl_slist_free_all(c->get_headers);
+        c->lib->curl_slist_free_all(c->post_headers);
     }
     free(c->text);
     free(c);

@@ -10,46 +10,10 @@
 
 #if WITH_PUSH
 
-#include <curl/curl.h>
-#include <dlfcn.h>
-#include <pthread.h>
+#include "base/curl.h"
 
 #define CONNECT_S 10
 #define TOTAL_S   20
-
-#undef curl_easy_setopt
-#undef curl_easy_getinfo
-
-#define FUNCTIONS(X)                                                                                                   \
-    X(curl_global_init)                                                                                                \
-    X(curl_easy_init)                                                                                                  \
-    X(curl_easy_setopt)                                                                                                \
-    X(curl_easy_perform)                                                                                               \
-    X(curl_easy_getinfo)                                                                                               \
-    X(curl_easy_strerror)                                                                                              \
-    X(curl_easy_cleanup)                                                                                               \
-    X(curl_slist_append)                                                                                               \
-    X(curl_slist_free_all)
-
-static struct {
-#define X(name) __typeof__(&(name)) name;
-    FUNCTIONS(X)
-#undef X
-} lib; /* fixed after load() */
-static bool loaded;
-
-static void load(void)
-{
-    void *library = dlopen(SST_CURL_LIBRARY, RTLD_NOW | RTLD_LOCAL);
-
-    loaded = library != NULL;
-#define X(name)                                                                                                        \
-    *(void **)&lib.name = library ? dlsym(library, #name) : NULL;                                                      \
-    loaded = loaded && lib.name;
-    FUNCTIONS(X)
-#undef X
-    loaded = loaded && !lib.curl_global_init(CURL_GLOBAL_DEFAULT);
-}
 
 /* A message on its way. */
 struct transfer {
@@ -90,7 +54,7 @@ static int go_on(void *arg, curl_off_t a SST_UNUSED, curl_off_t b SST_UNUSED, cu
     return !t->m->go_on(t->m->arg);
 }
 
-static struct curl_slist *headers_of(const struct push_message *m)
+static struct curl_slist *headers_of(const struct sst_curl *lib, const struct push_message *m)
 {
     static const char *const fixed[] = { "Content-Type: application/octet-stream", "Content-Encoding: aes128gcm",
                                          "Urgency: high", "Expect:" };
@@ -102,74 +66,79 @@ static struct curl_slist *headers_of(const struct push_message *m)
     if (line)
         sprintf(line, "Authorization: %s", m->authorization);
     for (size_t i = 0; whole && i < ARRAY_LEN(fixed) + 2; i++) {
-        more = lib.curl_slist_append(list, i < ARRAY_LEN(fixed) ? fixed[i] : i == ARRAY_LEN(fixed) ? ttl : line);
+        more = lib->curl_slist_append(list, i < ARRAY_LEN(fixed) ? fixed[i] : i == ARRAY_LEN(fixed) ? ttl : line);
         whole = more != NULL;
         list = more ? more : list;
     }
     free(line);
     if (!whole) {
-        lib.curl_slist_free_all(list);
+        lib->curl_slist_free_all(list);
         list = NULL;
     }
     return list;
 }
 
-static void set_options(CURL *curl, struct transfer *t, struct curl_slist *headers)
+static void set_options(const struct sst_curl *lib, CURL *curl, struct transfer *t, struct curl_slist *headers)
 {
     const struct push_message *m = t->m;
 
-    lib.curl_easy_setopt(curl, CURLOPT_URL, m->endpoint);
-    lib.curl_easy_setopt(curl, CURLOPT_PROTOCOLS_STR, "https"); /* redirects are not followed */
-    lib.curl_easy_setopt(curl, CURLOPT_PROXY, "");
-    lib.curl_easy_setopt(curl, CURLOPT_NOSIGNAL, 1L);
-    lib.curl_easy_setopt(curl, CURLOPT_CONNECTTIMEOUT, (long)CONNECT_S);
-    lib.curl_easy_setopt(curl, CURLOPT_TIMEOUT, (long)TOTAL_S);
-    lib.curl_easy_setopt(curl, CURLOPT_HTTPHEADER, headers);
-    lib.curl_easy_setopt(curl, CURLOPT_POST, 1L);
-    lib.curl_easy_setopt(curl, CURLOPT_POSTFIELDS, m->body);
-    lib.curl_easy_setopt(curl, CURLOPT_POSTFIELDSIZE, (long)m->bytes);
-    lib.curl_easy_setopt(curl, CURLOPT_OPENSOCKETFUNCTION, open_socket);
-    lib.curl_easy_setopt(curl, CURLOPT_OPENSOCKETDATA, t);
-    lib.curl_easy_setopt(curl, CURLOPT_WRITEFUNCTION, discard);
-    lib.curl_easy_setopt(curl, CURLOPT_WRITEDATA, t);
-    lib.curl_easy_setopt(curl, CURLOPT_XFERINFOFUNCTION, go_on);
-    lib.curl_easy_setopt(curl, CURLOPT_XFERINFODATA, t);
-    lib.curl_easy_setopt(curl, CURLOPT_NOPROGRESS, 0L);
+    lib->curl_easy_setopt(curl, CURLOPT_URL, m->endpoint);
+    lib->curl_easy_setopt(curl, CURLOPT_PROTOCOLS_STR, "https"); /* redirects are not followed */
+    lib->curl_easy_setopt(curl, CURLOPT_PROXY, "");
+    lib->curl_easy_setopt(curl, CURLOPT_NOSIGNAL, 1L);
+    lib->curl_easy_setopt(curl, CURLOPT_CONNECTTIMEOUT, (long)CONNECT_S);
+    lib->curl_easy_setopt(curl, CURLOPT_TIMEOUT, (long)TOTAL_S);
+    lib->curl_easy_setopt(curl, CURLOPT_HTTPHEADER, headers);
+    lib->curl_easy_setopt(curl, CURLOPT_POST, 1L);
+    lib->curl_easy_setopt(curl, CURLOPT_POSTFIELDS, m->body);
+    lib->curl_easy_setopt(curl, CURLOPT_POSTFIELDSIZE, (long)m->bytes);
+    lib->curl_easy_setopt(curl, CURLOPT_OPENSOCKETFUNCTION, open_socket);
+    lib->curl_easy_setopt(curl, CURLOPT_OPENSOCKETDATA, t);
+    lib->curl_easy_setopt(curl, CURLOPT_WRITEFUNCTION, discard);
+    lib->curl_easy_setopt(curl, CURLOPT_WRITEDATA, t);
+    lib->curl_easy_setopt(curl, CURLOPT_XFERINFOFUNCTION, go_on);
+    lib->curl_easy_setopt(curl, CURLOPT_XFERINFODATA, t);
+    lib->curl_easy_setopt(curl, CURLOPT_NOPROGRESS, 0L);
     if (m->settings->ca_file[0])
-        lib.curl_easy_setopt(curl, CURLOPT_CAINFO, m->settings->ca_file);
+        lib->curl_easy_setopt(curl, CURLOPT_CAINFO, m->settings->ca_file);
 }
 
 int push_send(const struct push_message *m, int *retry_s, char why[160])
 {
-    static pthread_once_t once = PTHREAD_ONCE_INIT;
+    const struct sst_curl *lib;
     struct curl_slist *headers;
+    char failure[256];
     curl_off_t wait_s = 0;
     struct transfer t = { .m = m, .left = 1 << 16 };
     long status = 0;
     CURLcode code;
     CURL *curl;
 
-    pthread_once(&once, load);
-    curl = loaded ? lib.curl_easy_init() : NULL;
-    headers = curl ? headers_of(m) : NULL;
-    if (!headers) {
-        snprintf(why, 160, loaded ? "out of memory" : "cannot load " SST_CURL_LIBRARY);
-        if (curl)
-            lib.curl_easy_cleanup(curl);
-        return loaded ? -ENOMEM : -ENOTSUP;
+    lib = sst_curl_load(failure);
+    if (!lib) {
+        snprintf(why, 160, "%.159s", failure);
+        return -ENOTSUP;
     }
-    set_options(curl, &t, headers);
-    code = lib.curl_easy_perform(curl);
+    curl = lib->curl_easy_init();
+    headers = curl ? headers_of(lib, m) : NULL;
+    if (!headers) {
+        snprintf(why, 160, "out of memory");
+        if (curl)
+            lib->curl_easy_cleanup(curl);
+        return -ENOMEM;
+    }
+    set_options(lib, curl, &t, headers);
+    code = lib->curl_easy_perform(curl);
     if (code == CURLE_OK) {
-        lib.curl_easy_getinfo(curl, CURLINFO_RESPONSE_CODE, &status);
-        lib.curl_easy_getinfo(curl, CURLINFO_RETRY_AFTER, &wait_s);
+        lib->curl_easy_getinfo(curl, CURLINFO_RESPONSE_CODE, &status);
+        lib->curl_easy_getinfo(curl, CURLINFO_RETRY_AFTER, &wait_s);
     } else {
         snprintf(why, 160, "%s", t.refused ? "its address is of a private network: push: private_hosts allows that"
-                                           : lib.curl_easy_strerror(code));
+                                           : lib->curl_easy_strerror(code));
     }
     *retry_s = wait_s > 0 && wait_s < 1000000 ? (int)wait_s : 0;
-    lib.curl_slist_free_all(headers);
-    lib.curl_easy_cleanup(curl);
+    lib->curl_slist_free_all(headers);
+    lib->curl_easy_cleanup(curl);
     return code == CURLE_OK                      ? (int)status
            : code == CURLE_ABORTED_BY_CALLBACK ? -ECANCELED
            : t.refused                         ? -EACCES

@@ -22,8 +22,8 @@ void auth_init(struct auth *a, struct sst_login *login)
     pthread_mutex_init(&a->lock, NULL);
 }
 
-/* The proof is used from now on. @return false: it was before */
-static bool use_once(struct auth *a, const char *const *parts, int64_t until_ns, int64_t wall_ns)
+/* The proof is used from now on, by no clock: a proof is never right twice. @return false: it was used before */
+static bool use_once(struct auth *a, const char *const *parts)
 {
     uint8_t hash[SHA256_DIGEST_LENGTH];
     SHA2_CTX context;
@@ -35,10 +35,9 @@ static bool use_once(struct auth *a, const char *const *parts, int64_t until_ns,
     SHA256Final(hash, &context);
     pthread_mutex_lock(&a->lock);
     for (int i = 0; i < AUTH_TOKENS && fresh; i++)
-        fresh = a->used[i].until_ns < wall_ns || memcmp(a->used[i].hash, hash, sizeof(a->used[i].hash)) != 0;
+        fresh = memcmp(a->used[i], hash, sizeof(a->used[i])) != 0;
     if (fresh) {
-        memcpy(a->used[a->next].hash, hash, sizeof(a->used[a->next].hash));
-        a->used[a->next].until_ns = until_ns;
+        memcpy(a->used[a->next], hash, sizeof(a->used[a->next]));
         a->next = (a->next + 1) % AUTH_TOKENS;
     }
     pthread_mutex_unlock(&a->lock);
@@ -92,7 +91,7 @@ static bool is_path(const char *uri, const char *path)
     return n == strlen(path) && !memcmp(uri, path, n);
 }
 
-static enum sst_login_verdict judge_digest(struct auth *a, const struct auth_request *r, int64_t wall_ns)
+static enum sst_login_verdict judge_digest(struct auth *a, const struct auth_request *r)
 {
     char user[VALUE], realm[VALUE], nonce[VALUE], uri[VALUE], response[VALUE], qop[VALUE], nc[VALUE], cnonce[VALUE];
     char joined[3 * VALUE] = "", method_uri[VALUE + 16], want[33];
@@ -118,8 +117,7 @@ static enum sst_login_verdict judge_digest(struct auth *a, const struct auth_req
     if (!sst_login_equal(user, a->login->user) || strcmp(realm, SST_LOGIN_REALM) != 0 || !is_path(uri, r->path) ||
         !sst_login_equal(want, response))
         return SST_LOGIN_WRONG;
-    if (old || !use_once(a, (const char *const[]){ nonce, joined, response, NULL },
-                         wall_ns + (SST_LOGIN_NONCE_S + 1) * SECOND, wall_ns))
+    if (old || !use_once(a, (const char *const[]){ nonce, joined, response, NULL }))
         return SST_LOGIN_STALE;
     return SST_LOGIN_RIGHT;
 }
@@ -178,7 +176,7 @@ static enum sst_login_verdict judge_token(struct auth *a, const struct auth_requ
         return SST_LOGIN_STALE;
     }
     /* Without the nonce: its bytes have many forms in Base64, and the digest over them has a single form. */
-    if (!use_once(a, (const char *const[]){ created, password, NULL }, at_ns + (ONVIF_CLOCK_S + 1) * SECOND, wall_ns))
+    if (!use_once(a, (const char *const[]){ created, password, NULL }))
         return SST_LOGIN_STALE;
     return SST_LOGIN_RIGHT;
 }
@@ -204,7 +202,7 @@ enum sst_login_verdict auth_judge(struct auth *a, const struct auth_request *r, 
     if (!a->login->user[0])
         return SST_LOGIN_RIGHT;
     if (digest)
-        return judge_digest(a, r, wall_ns);
+        return judge_digest(a, r);
     token = r->soap ? find_token(r->soap) : -1;
     return token < 0 ? SST_LOGIN_NONE : judge_token(a, r, token, wall_ns);
 }

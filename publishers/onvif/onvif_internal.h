@@ -94,10 +94,7 @@ struct auth {
     char ha1[33];            /* fixed */
     pthread_mutex_t lock;
     /* under lock */
-    struct auth_used {
-        uint8_t hash[16];
-        int64_t until_ns; /* of the wall clock */
-    } used[AUTH_TOKENS];
+    uint8_t used[AUTH_TOKENS][16]; /* hashes */
     int next;
     int64_t clock_logged_ns;
 };

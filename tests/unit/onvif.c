@@ -239,13 +239,18 @@ static void tokens_are_judged(void **state)
     assert_int_equal(judge("user", NONCE, CREATED, "userpassword", THEN_NS), SST_LOGIN_NONE); /* plain: not looked at */
 }
 
-static enum sst_login_verdict judge_header(const char *header, const char *at)
+static enum sst_login_verdict judge_header_at(const char *header, const char *at, int64_t wall_ns)
 {
     const struct auth_request r = {
         .client = { .address = "192.0.2.1" }, .method = "GET", .path = at, .authorization = header
     };
 
-    return auth_judge(&auth, &r, THEN_NS);
+    return auth_judge(&auth, &r, wall_ns);
+}
+
+static enum sst_login_verdict judge_header(const char *header, const char *at)
+{
+    return judge_header_at(header, at, THEN_NS);
 }
 
 static void digests_are_judged(void **state)
@@ -267,6 +272,7 @@ static void digests_are_judged(void **state)
     assert_int_equal(judge_header(header, "/other"), SST_LOGIN_WRONG);
     assert_int_equal(judge_header(header, "/snapshot"), SST_LOGIN_RIGHT);
     assert_int_equal(judge_header(header, "/snapshot"), SST_LOGIN_STALE); /* once */
+    assert_int_equal(judge_header_at(header, "/snapshot", THEN_NS + 86400 * SECOND), SST_LOGIN_STALE); /* also when the clock was set */
     sst_login_digest(response, ha1, "GET:http://h/snapshot", nonce, NULL);
     snprintf(old, sizeof(old),
              "digest username=\"user\",realm=\"sst\",nonce=\"%s\",uri=\"http://h/snapshot\",response=\"%s\"", nonce,
