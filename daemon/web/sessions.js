@@ -1,7 +1,7 @@
 // Access: sessions with addresses and times, logging out and ending other sessions; named tokens.
 
 import { get, post } from "/web/api.js";
-import { $, complain, el, localTime, onUse, setText } from "/web/ui.js";
+import { $, complain, el, localTime, onUse, sentence, setText } from "/web/ui.js";
 
 /** "Firefox on Linux", of a User-Agent. */
 export function device(agent) {
@@ -15,7 +15,12 @@ export class Sessions {
   constructor() {
     onUse($("account"), () => this.show());
     $("sessions-close").addEventListener("click", () => $("sessions").close());
+    $("sessions").addEventListener("close", () => this.forget());
     onUse($("log-out"), () => this.end(null));
+    $("token-form").addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.make().catch((error) => setText($("token-made"), sentence(error.message)));
+    });
   }
 
   async show() {
@@ -36,7 +41,7 @@ export class Sessions {
       : "With the control token all sessions are shown here.");
     $("session-list").replaceChildren(...sessions.map((session) => this.row(session, control)));
     const { tokens } = control ? await get("/api/v1/tokens") : { tokens: [] };
-    $("tokens").hidden = !tokens.length;
+    $("tokens").hidden = !control;
     $("token-list").replaceChildren(...tokens.map((token) => this.tokenRow(token)));
   }
 
@@ -56,7 +61,39 @@ export class Sessions {
       el("button", { type: "button", class: "small danger", onclick: () => this.revoke(token.name) }, "Revoke"));
   }
 
+  /** The secret is in the answer alone, and on the page until the dialog closes. */
+  async make() {
+    const name = $("token-name").value;
+    const rights = [...$("token-rights").querySelectorAll("input:checked")].map((box) => box.value);
+    const expires = Number($("token-expires").value);
+    this.forget();
+    if (!rights.length) throw new Error("A token needs a right: choose one.");
+    $("token-make").disabled = true; // one secret for one click
+    try {
+      const { token } = await post("/api/v1/tokens", { name, rights, ...(expires ? { expires_s: expires } : {}) });
+      $("token-form").reset();
+      this.showSecret(name, token);
+      await this.refresh();
+    } finally {
+      $("token-make").disabled = false;
+    }
+  }
+
+  showSecret(name, token) {
+    const field = el("input", { type: "text", readonly: true, "aria-label": `Token ${name}`, onfocus: () => field.select() });
+    const copy = navigator.clipboard // of secure pages
+      ? el("button", { type: "button", class: "small", onclick: () => navigator.clipboard.writeText(token).then(() => setText(copy, "Copied")).catch(() => field.select()) }, "Copy")
+      : null;
+    field.value = token;
+    $("token-made").replaceChildren(el("span", {}, `Token ${name}; it is shown now and never again:`), field, ...(copy ? [copy] : []));
+  }
+
+  forget() {
+    $("token-made").replaceChildren();
+  }
+
   async revoke(name) {
+    this.forget();
     try {
       await post(`/api/v1/tokens/${encodeURIComponent(name)}`, { revoke: true });
       await this.refresh();

@@ -657,6 +657,12 @@ class Handler(http.server.BaseHTTPRequestHandler):
             name = now().strftime("%Y-%m-%dT%H-%M-%S.000Z")
             s.event(0, "snapshot", f"Snapshot {name} kept", {"name": name})
             self.answer(200, {"name": name})
+        elif path == "/api/v1/tokens":
+            if any(one["name"] == body["name"] for one in s.tokens):
+                raise Refused(409, f"token: there is a token {body['name']} already")
+            s.tokens.append({"name": body["name"], "rights": body["rights"], "created": stamp(), "expired": False,
+                             "expires": stamp() if body.get("expires_s") else None})
+            self.answer(200, {"name": body["name"], "token": "secret-of-" + body["name"]})
         elif part[:3] == ["api", "v1", "tokens"]:
             s.tokens = [one for one in s.tokens if one["name"] != part[3]]
             self.answer(200, {"revoked": True})

@@ -61,6 +61,33 @@ def test_locale(b, fake):
     reload(b)
 
 
+def make_token(b, fake, tokens):
+    """A token is made; its secret is on the page once."""
+    made = "document.getElementById('token-made')"
+    b.js("document.getElementById('token-name').value = 'porch'")
+    b.click("#token-make")
+    b.wait(f"{made}.textContent === 'Token: there is a token porch already.'")
+    b.js("document.getElementById('token-name').value = 'not a name'")
+    b.click("#token-make")  # the browser itself refuses it
+    b.js("document.getElementById('token-name').value = 'display'")
+    b.click("#token-rights input[value=view]")
+    b.click("#token-make")
+    b.wait(f"{made}.textContent === 'A token needs a right: choose one.'")
+    b.click("#token-rights input[value=snapshot]")
+    b.click("#token-make")
+    b.wait(f"{made}.querySelector('input')?.value === 'secret-of-display'")
+    b.wait(f"{tokens}.some((text) => text.startsWith('displaysnapshot · expires'))")
+    made_by = [body for body in fake.posts("/api/v1/tokens") if "name" in body]
+    check(made_by == [{"name": "porch", "rights": ["view"], "expires_s": 2592000},
+                      {"name": "display", "rights": ["snapshot"], "expires_s": 2592000}], made_by)
+    b.key("Escape", 27)
+    b.wait("!document.getElementById('sessions').open")
+    check(not b.js("document.body.innerHTML.includes('secret-of-display')"), "the secret stays on the page")
+    b.click("#account")
+    b.wait("document.getElementById('sessions').open")
+    check(b.js(f"{made}.childNodes.length") == 0, "the secret comes back")
+
+
 def test_sessions(b, fake):
     """Who is logged in; another one is ended, then one's own."""
     rows = "[...document.querySelectorAll('#session-list li')].map((n) => n.textContent)"
@@ -78,6 +105,7 @@ def test_sessions(b, fake):
     b.click("#token-list li:first-child button")
     b.wait(f"{tokens}.length === 1")
     check(fake.posts("/api/v1/tokens/guard") == [{"revoke": True}], "the token is not revoked")
+    make_token(b, fake, tokens)
     b.key("Escape", 27)
     b.wait("!document.getElementById('sessions').open")
     b.click("#account")

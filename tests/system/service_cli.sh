@@ -201,6 +201,8 @@ export http_proxy=http://127.0.0.1:9
 echo fake-token >token
 see status --url "$url/" --token-file token
 want 3 'token' status --url "$url"
+echo other-token >token
+want 3 'does not accept the token in token: it was revoked, has expired' status --url "$url" --token-file token
 printf 'two\nlines\n' >token
 want 3 'one line' status --url "$url" --token-file token
 want 3 'missing' status --url "$url" --token-file missing
