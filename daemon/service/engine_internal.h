@@ -219,6 +219,7 @@ struct live_engine {
     int64_t served_t_ns; /* tried_t_ns, when its pictures were rendered */
     struct view view[VIEWS_MAX];
     struct shared overlay[2], camera[SST_CAMERAS_MAX];
+    struct engine_preview preview;
     struct request request;
     struct sst_classes classes;
     float share[256];      /* of the reference view, by label */
@@ -256,6 +257,10 @@ SST_MUST_CHECK int engine_jpeg(struct live_engine *v, const struct sst_image *im
 void engine_forget_pictures(struct live_engine *v);
 /** Serve engine_pick() and engine_remove().  Live thread. */
 void engine_serve(struct live_engine *v);
+
+/* engine_preview.c */
+void engine_preview_show_locked(struct live_engine *v, struct view *e);
+void engine_preview_end(struct live_engine *v);
 
 /* engine_tracks.c */
 /** Tracks of the last set, and the events of new and ended ones. Live thread. */

@@ -39,6 +39,7 @@ static int add_locked(struct live_engine *v, const char *id, const struct view_s
         e->track_px = NAN;
         e->shown = (struct sst_livepicture_clear){ NAN, NAN, NAN, NAN, NAN, 0 };
         snprintf(e->id, sizeof(e->id), "%s", id);
+        engine_preview_show_locked(v, e);
         *out = e;
         return 0;
     }
@@ -72,6 +73,7 @@ void engine_views_close(struct live_engine *v)
         sst_slot_unref(v->overlay[i].slot);
     for (int i = 0; i < SST_CAMERAS_MAX; i++)
         sst_slot_unref(v->camera[i].slot);
+    engine_preview_end(v);
     sst_jpeg_encoder_destroy(v->encoder);
     sst_image_fini(&v->overlay_image);
 }
@@ -414,11 +416,15 @@ static void publish_overlay(struct live_engine *v, enum sst_livepicture_overlay 
 void engine_publish(struct live_engine *v)
 {
     int64_t ns[2] = { 0, 0 };
+    bool outdated;
     int made = 0;
 
     expire(v);
-    if (!v->set_index && !v->set_t_ns)
-        return; /* no set yet */
+    pthread_mutex_lock(&v->lock);
+    outdated = !v->events && v->config_seen != v->config_count;
+    pthread_mutex_unlock(&v->lock);
+    if ((!v->set_index && !v->set_t_ns) || outdated)
+        return; /* no set yet, or another moment of the recording is to come */
     for (int i = 0; i < VIEWS_MAX; i++)
         made += publish_view(v, &v->view[i], false, ns);
     engine_follow_device(v);
@@ -426,6 +432,7 @@ void engine_publish(struct live_engine *v)
     publish_overlay(v, SST_LIVE_DISPARITY_PICTURE);
     if (!made)
         return;
+    engine_preview_end(v);
     pthread_mutex_lock(&v->lock);
     v->state.pictures += (uint64_t)made;
     if (v->latency_due) {

@@ -60,6 +60,7 @@ struct service_replay {
     struct sst_config *used; /* by the engine */
     struct sst_recording *reader;
     struct sst_ring *ring;
+    char dir[SST_PATH_MAX]; /* of the recording */
     uint64_t puts;
     int at; /* the set that is shown */
     int64_t zero_ns, zero_wall_ns,
@@ -116,10 +117,21 @@ static int64_t stamp(struct service_replay *r, int64_t wall_ns, bool jump)
     return r->stamp_ns;
 }
 
+/* Until the picture of a moment is computed, the one that was recorded is shown, if there is one. */
+static void show_preview(struct service_replay *r)
+{
+    struct engine_preview p = { .set = r->set.index, .t_ns = r->stamp_ns, .wall_ns = r->set.wall_ns };
+
+    if (sst_storage_view_picture(r->dir, &p.wall_ns, &p.data, &p.bytes))
+        p.data = NULL;
+    engine_preview(r->engine, &p);
+}
+
 /* Give set i to the engine. After a jump the engine forgets the scene. @return 0, or why it cannot be read */
 static int show_set(struct service_replay *r, int i, bool jump)
 {
     const int cameras = sst_recording_info(r->reader)->cameras;
+    const bool again = jump && r->puts; /* a new engine has nothing to forget */
     struct sst_frameset set = { .cameras = cameras };
     uint8_t *data[SST_CAMERAS_MAX];
     int err = sst_recording_set(r->reader, i, &r->set);
@@ -131,13 +143,15 @@ static int show_set(struct service_replay *r, int i, bool jump)
     set.t_ns = stamp(r, r->set.wall_ns, jump);
     set.present = read_frames(r, &set, data);
     pthread_mutex_lock(&r->lock);
-    if (jump) {
+    if (again) {
         r->layout.first = r->puts + 1;
         r->layout.generation++;
     }
     pthread_mutex_unlock(&r->lock);
-    if (jump)
+    if (again)
         engine_configure(r->engine, r->used, true);
+    if (jump)
+        show_preview(r);
     err = set.present ? sst_ring_put(r->ring, &set) : -ENODATA;
     r->puts += !err;
     for (int k = 0; k < cameras; k++)
@@ -344,15 +358,15 @@ static bool close_session(struct service_replay *r, int64_t until_ns)
 
 static int open_session(struct service_replay *r, const struct wish *w)
 {
-    char name[64], dir[SST_PATH_MAX];
-    int err = sst_storage_hold(r->storage, w->recording[0] ? w->recording : NULL, w->wall_ns, name, dir);
+    char name[64];
+    int err = sst_storage_hold(r->storage, w->recording[0] ? w->recording : NULL, w->wall_ns, name, r->dir);
 
     if (err)
         return err;
     pthread_mutex_lock(&r->lock);
     memcpy(r->recording, name, sizeof(name));
     pthread_mutex_unlock(&r->lock);
-    err = sst_recording_open(&r->reader, dir);
+    err = sst_recording_open(&r->reader, r->dir);
     if (!err)
         err = sst_recording_sets(r->reader) > 0 ? 0 : -ENODATA;
     if (!err)

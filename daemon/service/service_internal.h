@@ -251,6 +251,18 @@ void engine_zones(struct sst_live_zone *out, const struct sst_config *c);
 void engine_configure(struct live_engine *v, const struct sst_config *config, bool restart);
 
 void engine_state(struct live_engine *v, struct engine_state *out);
+/** A picture of the main view (JPEG) that was recorded. */
+struct engine_preview {
+    uint8_t *data; /* malloc'ed; NULL: none */
+    size_t bytes;
+    uint64_t set;
+    int64_t t_ns, wall_ns;
+};
+
+/** Show a recorded picture until views have pictures of their own; none: forget the one before. @param preview  its data is
+ *  owned from then on */
+void engine_preview(struct live_engine *v, struct engine_preview *preview);
+
 /** Whether all viewers have their pictures of the set of a stamp or a later one, as far as there can be any.
  *  @param watched  out: there is a viewer */
 bool engine_has_shown(struct live_engine *v, int64_t t_ns, bool *watched);

@@ -24,6 +24,8 @@ enum sst_storage_state {
     SST_STORAGE_FULL = 2, /* nothing is left to remove, or the disk accepts no writes: nothing is recorded */
 };
 
+#define SST_STORAGE_NEAR_NS INT64_C(500000000) /* of sst_storage_view_picture() */
+
 struct sst_storage; /* opaque; any thread */
 
 struct sst_storage_config {
@@ -105,6 +107,11 @@ SST_MUST_CHECK int sst_storage_download(struct sst_storage *s, const char *name,
 SST_MUST_CHECK int sst_storage_hold(struct sst_storage *s, const char *recording, int64_t wall_ns, char *name,
                                     char *dir);
 void sst_storage_release(struct sst_storage *s, const char *name);
+
+/** Picture of the see-through view that a recording has of a moment.
+ *  @param dir  of sst_storage_hold() @param wall_ns  in, the moment; out, of the picture, at most SST_STORAGE_NEAR_NS away
+ *  @param data  out, JPEG, to free with free() @return 0, -ENOENT (none), -EBADMSG, -EIO, -ENOMEM; not logged. Waits for the disk */
+SST_MUST_CHECK int sst_storage_view_picture(const char *dir, int64_t *wall_ns, uint8_t **data, size_t *bytes);
 
 /** Delete a recording, snapshot or export; running downloads of its archive are aborted. Returns after
  * 0.8 s even if the removal continues. @return 0, -ENOENT, -EBUSY (it is being written), -EROFS, -EIO */

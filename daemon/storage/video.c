@@ -190,6 +190,44 @@ int64_t video_view_from(const char *dir)
     return l.wall_ns;
 }
 
+int sst_storage_view_picture(const char *dir, int64_t *wall_ns, uint8_t **data, size_t *bytes)
+{
+    int64_t away_ns, best_ns = SST_STORAGE_NEAR_NS + 1;
+    struct video_line near = { .bytes = 0 }, l;
+    char path[SST_PATH_MAX], text[SST_VIDEO_LINE_MAX];
+    FILE *index = sst_path_join(path, dir, SST_VIDEO_INDEX) ? NULL : fopen(path, "re");
+    int fd, err = 0;
+
+    while (index && fgets(text, sizeof(text), index)) {
+        if (!video_read_line(text, &l))
+            continue;
+        away_ns = llabs(l.wall_ns - *wall_ns);
+        near = away_ns < best_ns ? l : near;
+        best_ns = away_ns < best_ns ? away_ns : best_ns;
+    }
+    if (index)
+        fclose(index);
+    if (near.bytes <= 0 || near.bytes > (int64_t)VIEW_HISTORY_BYTES || sst_path_join(path, dir, SST_VIDEO_PICTURES))
+        return -ENOENT;
+    fd = sst_file_open(path);
+    if (fd < 0)
+        return fd;
+    *data = malloc((size_t)near.bytes);
+    if (!*data)
+        err = -ENOMEM;
+    else if (pread(fd, *data, (size_t)near.bytes, near.offset) != near.bytes)
+        err = -EBADMSG;
+    close(fd);
+    if (err) {
+        free(*data);
+        *data = NULL;
+        return err;
+    }
+    *bytes = (size_t)near.bytes;
+    *wall_ns = near.wall_ns;
+    return 0;
+}
+
 int video_of_view(struct video *v, const char *dir)
 {
     struct sst_recording_removed removed = { 0 };

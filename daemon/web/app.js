@@ -306,7 +306,7 @@ function explanation() {
   if (failures > 1) return { title: "The service does not answer", text: "It may be restarting, or the network is cut. This page tries again by itself.",
     todo: status ? [] : ["`systemctl status sstd` shows whether it runs."] };
   if (!status) return { title: "Connecting", text: "Asking the service how it is." };
-  if (app.replay.open) return !app.replay.awaits && app.view.stream.pictures ? null : {
+  if (app.replay.open) return (!app.replay.awaits || app.replay.recorded) && app.view.stream.pictures ? null : {
     title: `Computing the picture of ${app.replay.words(app.replay.at(), true)}`,
     picture: pictureOf(played),
     text: sentence(app.replay.state.live?.reason ?? "") || "Depth and labels of all views of that moment. The recording plays on when it is there." };

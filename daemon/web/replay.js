@@ -8,6 +8,7 @@ const POLL_MS = 500; // and a sign of life: the service closes a recording that 
 const WAIT_MS = 200; // while a picture is awaited
 const EARLY_MS = 10; // times of the state have fewer digits than times of pictures
 const LATE_MS = 1000; // of playing, between two states
+const NEAR_MS = 500; // a picture that was recorded of a moment may be this far from it
 const KEPT = "sst-replay";
 
 const ms = (iso) => Date.parse(iso ?? "");
@@ -61,13 +62,18 @@ export class Replay {
     return [this.goal, this.awaits ? NaN : this.drawn(), ms(this.state?.time)].find(finite) ?? NaN;
   }
 
+  /** The picture that is drawn was recorded of the moment whose own picture is being computed. */
+  get recorded() {
+    return this.awaits && Math.abs(this.drawn() - this.first) <= NEAR_MS;
+  }
+
   /** A picture was drawn. */
   picture() {
     if (!this.open) return;
     const { awaits } = this;
     this.settle();
     this.show();
-    if (awaits !== this.awaits) this.onState(this.state);
+    if (awaits !== this.awaits || this.recorded) this.onState(this.state);
   }
 
   /** Until a picture of the moment that was asked for is drawn, the one before stays, under its own time. */

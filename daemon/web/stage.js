@@ -450,8 +450,8 @@ export class Stage {
     tag.hidden = false;
     tag.dataset.kind = this.lost ? "late" : "playback"; // the bar below names the moment
     setText(tag, replay.held ? `Go to ${replay.words(replay.at(), true)}` : this.lost ? "Reconnecting"
-      : replay.awaits ? `Computing ${replay.words(replay.at(), true)}` : "Playback");
-    this.frame.classList.toggle("stale", replay.awaits || this.lost !== null);
+      : replay.recorded ? "Recorded, computing" : replay.awaits ? `Computing ${replay.words(replay.at(), true)}` : "Playback");
+    this.frame.classList.toggle("stale", (replay.awaits && !replay.recorded) || this.lost !== null);
     if (this.plain) this.showRight(this.plain.stream.pictures > 0 && apart_ms <= APART_MS);
   }
 

@@ -463,7 +463,11 @@ def test_replay_waits(b, fake):
     choose(10)
     b.wait(f"{age}.startsWith('Computing')")
     check(label() == before, f"{label()} over the picture of {before}")
-    fake.set(computing=False)
+    fake.set(preview=True)  # the picture that was recorded of that moment
+    b.wait(f"{age} === 'Recorded, computing' && document.getElementById('explain').hidden")
+    check(label() == told(played()), f"{label()}, recorded at {told(played())}")
+    check(not b.js("document.querySelector('.frame').classList.contains('stale')"), "a picture of that moment is greyed")
+    fake.set(computing=False, preview=False)
     b.wait(f"{age} === 'Playback' && Math.abs({seconds} - 10) < 0.2")
     check(label() == told(played()), f"{label()}, paused at {told(played())}")
     b.click("#replay-live")

@@ -2,6 +2,7 @@
  * other. That pictures are made of its sets as live shows tests/sim/live.c; here they are those of the cameras. */
 #include "daemon/service/engine_internal.h"
 #include "daemon/service/service_internal.h"
+#include "daemon/storage/video_internal.h"
 #include "tests/storage_bench.h"
 
 #define MS ((int64_t)1000000)
@@ -339,6 +340,83 @@ static void clients_do_not_disturb_each_other(void **state SST_UNUSED)
     close_player(&p);
 }
 
+/* A see-through picture of a moment of the recording. @param jpeg  its bytes */
+static void write_view(struct player *p, int64_t wall_ns, const char *jpeg)
+{
+    const struct video_line l = { .t_ns = 1, .wall_ns = wall_ns, .set = 7, .bytes = (int64_t)strlen(jpeg) };
+    char path[SST_PATH_MAX], text[SST_VIDEO_LINE_MAX];
+    size_t n;
+
+    assert_int_equal(bench_recording(&p->b, 0, path), 1);
+    n = video_write_line(text, &l);
+    assert_int_equal(sst_file_write(in(path, SST_VIDEO_INDEX), text, n), 0);
+    assert_int_equal(sst_file_write(in(path, SST_VIDEO_PICTURES), jpeg, strlen(jpeg)), 0);
+}
+
+/* Wait until a view shows these bytes, of a moment. */
+static void expect_bytes(struct player *p, const char *id, int64_t wall_ns, const char *want)
+{
+    const int64_t end_ns = sst_clock_now_ns() + 60000 * MS;
+    struct live_engine *engine = replay_take(p->replay);
+    struct sst_slot *slot;
+    bool found = false;
+
+    assert_non_null(engine);
+    assert_int_equal(engine_outlet(engine, SST_PICTURE_VIEW, id, &slot), 0);
+    while (!found) {
+        const struct sst_jpeg *jpeg = sst_slot_get(slot, 0);
+
+        found = jpeg && jpeg->bytes == strlen(want) && !memcmp(jpeg->data, want, jpeg->bytes) && jpeg->wall_ns == wall_ns;
+        sst_slot_jpeg_unref(jpeg);
+        assert_true(sst_clock_now_ns() < end_ns);
+        usleep(2000);
+    }
+    sst_slot_unref(slot);
+    replay_release(p->replay);
+}
+
+/* Until a picture is computed, here never, views show the one that was recorded of that moment. */
+static void recorded_pictures_come_first(void **state SST_UNUSED)
+{
+    struct sst_api_answer out = { 0 };
+    char id[16], at[SST_CLOCK_TEXT];
+    struct sst_slot *slot;
+    struct player p;
+    int64_t from_ns;
+    json_t *s;
+
+    open_player(&p, true);
+    p.b.config->web.views = 4;
+    snprintf(p.b.config->live.model, sizeof(p.b.config->live.model), "none.onnx");
+    replay_configure(p.replay, p.b.config);
+    s = open_recording(&p);
+    from_ns = wall_of(s, "from");
+    assert_int_equal(engine_outlet(replay_take(p.replay), SST_PICTURE_VIEW, "main", &slot), 0);
+    assert_null(sst_slot_get(slot, 0));
+    sst_slot_unref(slot);
+    write_view(&p, from_ns + 1040 * MS, "first");
+    sst_clock_text(at, from_ns + 1000 * MS);
+    s = order(&p, s, json_pack("{s:s}", "time", at));
+    expect_bytes(&p, "main", from_ns + 1040 * MS, "first");
+    /* A view that comes later has it, too. */
+    assert_int_equal(engine_view_create(replay_take(p.replay), "", NULL, &out), 0);
+    snprintf(id, sizeof(id), "%s", json_string_value(json_object_get(out.body, "id")));
+    json_decref(out.body);
+    expect_bytes(&p, id, from_ns + 1040 * MS, "first");
+    /* A moment far from it has none: the picture before stays. */
+    sst_clock_text(at, from_ns + 2000 * MS);
+    s = order(&p, s, json_pack("{s:s}", "time", at));
+    expect_bytes(&p, "main", from_ns + 1040 * MS, "first");
+    write_view(&p, from_ns + 2500 * MS, "second");
+    sst_clock_text(at, from_ns + 2900 * MS);
+    s = order(&p, s, json_pack("{s:s}", "time", at));
+    expect_bytes(&p, id, from_ns + 2500 * MS, "second");
+    json_decref(s);
+    replay_release(p.replay);
+    replay_release(p.replay);
+    close_player(&p);
+}
+
 /* A recording deleted or damaged meanwhile ends nothing but itself. */
 static void a_deleted_recording_ends(void **state SST_UNUSED)
 {
@@ -368,6 +446,7 @@ int main(void)
         TEST(moments_are_shown_and_played),
         TEST(the_clock_waits_for_pictures),
         TEST(clients_do_not_disturb_each_other),
+        TEST(recorded_pictures_come_first),
         TEST(a_deleted_recording_ends),
     };
     const int rc = begin_tests(WITH_AVFORMAT);
