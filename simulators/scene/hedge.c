@@ -51,6 +51,7 @@ struct sst_hedge {
     uint32_t *canvas; /* [height][width] */
     double cover;
     struct hedge_figure *figure; /* fine */
+    bool shares; /* wall and figure are another one's */
 };
 
 void sst_hedge_config_defaults(struct sst_hedge_config *cfg)
@@ -284,19 +285,47 @@ void sst_hedge_destroy(struct sst_hedge *h)
 {
     if (!h)
         return;
-    free(h->wall);
+    if (!h->shares) {
+        free(h->wall);
+        free(h->figure);
+    }
     free(h->canvas);
     free(h->leaf);
     free(h->twig);
-    free(h->figure);
     free(h);
+}
+
+static int allocate(struct sst_hedge *h)
+{
+    h->leaf = calloc(LEAVES, sizeof(*h->leaf));
+    h->twig = calloc((size_t)h->twigs, sizeof(*h->twig));
+    h->canvas = malloc((size_t)h->cfg.width * (size_t)h->cfg.height * sizeof(*h->canvas));
+    return h->leaf && h->twig && h->canvas ? 0 : -ENOMEM;
+}
+
+int sst_hedge_share(struct sst_hedge **out, const struct sst_hedge *from)
+{
+    struct sst_hedge *h = malloc(sizeof(*h));
+
+    if (!h)
+        return -ENOMEM;
+    *h = *from;
+    h->shares = true;
+    if (allocate(h)) {
+        sst_hedge_destroy(h);
+        return -ENOMEM;
+    }
+    memcpy(h->leaf, from->leaf, (size_t)h->leaves * sizeof(*h->leaf));
+    memcpy(h->twig, from->twig, (size_t)h->twigs * sizeof(*h->twig));
+    *out = h;
+    return 0;
 }
 
 int sst_hedge_create(struct sst_hedge **out, const struct sst_hedge_config *cfg)
 {
     struct sst_hedge *h;
     uint64_t seed = cfg->seed * 977 + 5;
-    int err = -ENOMEM;
+    int err;
 
     if (cfg->rows < 1 || cfg->cols < 1 || cfg->width < 32 || cfg->width > SST_HEDGE_WIDTH_MAX || cfg->height < 24 ||
         !(cfg->cover >= 0 && cfg->cover <= 0.95))
@@ -308,11 +337,8 @@ int sst_hedge_create(struct sst_hedge **out, const struct sst_hedge_config *cfg)
     h->scale = cfg->width / 320.0;
     h->twig_cols = (int)((cfg->width + 2 * (cfg->near_px * ((cfg->cols + 1) / 2) + 8)) / (TWIG_PX * h->scale)) + 1;
     h->twigs = h->twig_cols * ((int)(cfg->height / (TWIG_PX * h->scale)) + 2);
-    h->leaf = calloc(LEAVES, sizeof(*h->leaf));
-    h->twig = calloc((size_t)h->twigs, sizeof(*h->twig));
-    h->canvas = malloc((size_t)cfg->width * (size_t)cfg->height * sizeof(*h->canvas));
-    if (h->leaf && h->twig && h->canvas)
-        err = make_wall(h);
+    err = allocate(h);
+    err = err ? err : make_wall(h);
     if (!err && cfg->fine)
         err = hedge_figure_create(&h->figure);
     if (!err) {

@@ -42,6 +42,9 @@ void sst_hedge_config_defaults(struct sst_hedge_config *cfg);
 SST_MUST_CHECK int sst_hedge_create(struct sst_hedge **out, const struct sst_hedge_config *cfg);
 void sst_hedge_destroy(struct sst_hedge *h); /* NULL is fine */
 
+/** Another drawer of the same hedge, for another thread; takes a hundredth of the time. @param from  must outlive it @return 0, -ENOMEM */
+SST_MUST_CHECK int sst_hedge_share(struct sst_hedge **out, const struct sst_hedge *from);
+
 /** Offset of a view from the reference view, spacings. */
 void sst_hedge_offset(const struct sst_hedge *h, int view, double *bx, double *by);
 

@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <math.h>
+#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -11,6 +12,12 @@
 
 #define TURN      6.283185307179586
 #define BAND_ROWS 16 /* rows with the same exposure time of a rolling shutter */
+
+/* The hedge of all cameras, made for the first one: most of its time is the figure. */
+struct sharing {
+    pthread_mutex_t lock;
+    struct sst_hedge *hedge; /* NULL: not made yet */
+};
 
 struct sim_stage {
     const struct sst_sim_settings *settings;
@@ -22,6 +29,7 @@ struct sim_stage {
     bool *moving;                             /* [surfaces] */
     int frames, steps;
     bool hedge, forest;
+    struct sharing *sharing; /* of a hedge */
     bool empty;                 /* the scene is "board": boards are drawn over it */
     int fine;                   /* rendered pixels per pixel along each side: board edges need more than four samples */
     struct sst_scene_warp warp; /* of the rig's camera */
@@ -267,6 +275,10 @@ int sim_stage_open(struct sim_stage **out, const struct sst_sim_settings *settin
     s->fine = settings->board.kind && !s->empty ? 2 : 1;
     s->hedge = !strcmp(settings->scene, SIM_HEDGE);
     s->forest = !strcmp(settings->scene, SIM_FOREST);
+    s->sharing = calloc(1, sizeof(*s->sharing));
+    if (!s->sharing)
+        goto fail;
+    pthread_mutex_init(&s->sharing->lock, NULL);
     s->frames = s->steps = sst_max_int(1, (int)lround(settings->loop_s * settings->rate_hz));
     err = build(s, 0, 0, &s->first); /* without the board: its poses may depend on the scene's size */
     if (err)
@@ -306,6 +318,11 @@ void sim_stage_close(struct sim_stage *s)
     if (!s)
         return;
     free(s->photo);
+    if (s->sharing) {
+        sst_hedge_destroy(s->sharing->hedge);
+        pthread_mutex_destroy(&s->sharing->lock);
+        free(s->sharing);
+    }
     sst_scene_warp_fini(&s->warp);
     sst_scene_world_fini(&s->first);
     free(s->moving);
@@ -463,12 +480,17 @@ static int shoot_hedge(const struct sim_stage *s, const struct shooting *t)
     struct sst_hedge_config cfg = {
         .rows = c->rows, .cols = c->cols, .width = c->width, .height = c->height, .seed = c->seed
     };
-    struct sst_hedge *hedge = NULL;
+    struct sst_hedge *hedge = NULL, *all = NULL;
     struct sst_image native = { 0 };
     int err = sst_image_init(&native, c->width, c->height);
 
     sst_hedge_scene_config(&cfg);
-    err = err ? err : sst_hedge_create(&hedge, &cfg);
+    pthread_mutex_lock(&s->sharing->lock);
+    if (!err && !s->sharing->hedge)
+        err = sst_hedge_create(&s->sharing->hedge, &cfg);
+    all = s->sharing->hedge;
+    pthread_mutex_unlock(&s->sharing->lock);
+    err = err ? err : sst_hedge_share(&hedge, all);
     for (int i = t->first; i < t->last && !err; i++) {
         const double t_s = (i < pass ? i : i - pass) / c->rate_hz;
         const struct sst_hedge_person p = sst_hedge_passer_by(&cfg, t_s);
