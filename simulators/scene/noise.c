@@ -1,7 +1,5 @@
 #include "simulators/scene/noise.h"
 
-#include <math.h>
-
 uint64_t sst_random_u64(uint64_t *state)
 {
     uint64_t z = *state += 0x9E3779B97F4A7C15u;
@@ -30,6 +28,16 @@ struct sst_vec3 sst_random_vec(uint64_t *state, double half)
     return (struct sst_vec3){ x, y, z };
 }
 
+/* Factors of coordinates and seed in a hash. */
+#define OF_X    0x9E3779B1u
+#define OF_Y    0x85EBCA77u
+#define OF_Z    0xC2B2AE3Du
+#define OF_SEED 0x27D4EB2Fu
+
+typedef uint32_t u32x4 __attribute__((vector_size(16)));
+typedef int32_t s32x4 __attribute__((vector_size(16)));
+typedef float f32x4 __attribute__((vector_size(16)));
+
 static inline uint32_t mix(uint32_t h)
 {
     h ^= h >> 15;
@@ -41,13 +49,7 @@ static inline uint32_t mix(uint32_t h)
 
 uint32_t sst_noise_hash(int32_t x, int32_t y, int32_t z, uint32_t seed)
 {
-    return mix((uint32_t)x * 0x9E3779B1u + (uint32_t)y * 0x85EBCA77u + (uint32_t)z * 0xC2B2AE3Du + seed * 0x27D4EB2Fu);
-}
-
-/* 24 bits fit a float exactly. */
-static inline float corner(int32_t x, int32_t y, int32_t z, uint32_t seed)
-{
-    return (float)(sst_noise_hash(x, y, z, seed) >> 8) * 0x1p-24f;
+    return mix((uint32_t)x * OF_X + (uint32_t)y * OF_Y + (uint32_t)z * OF_Z + seed * OF_SEED);
 }
 
 static inline float smooth(float t)
@@ -55,26 +57,46 @@ static inline float smooth(float t)
     return t * t * (3 - 2 * t);
 }
 
-static float plane(const int32_t at[3], float u, float v, uint32_t seed)
+/* Between the hashes of four corners, the first of which is `at` before it is mixed; their 24 bits fit a float exactly. */
+static inline float plane(uint32_t at, float u, float v)
 {
-    const int32_t x = at[0], y = at[1], z = at[2];
-    const float a = corner(x, y, z, seed), b = corner(x + 1, y, z, seed);
-    const float c = corner(x, y + 1, z, seed), d = corner(x + 1, y + 1, z, seed);
-    const float top = a + (b - a) * u, bottom = c + (d - c) * u;
+    u32x4 h = { at, at + OF_X, at + OF_Y, at + OF_X + OF_Y };
+
+    h ^= h >> 15;
+    h *= 0x2C1B3C6Du;
+    h ^= h >> 12;
+    h *= 0x297A2D39u;
+    h ^= h >> 15;
+
+    const f32x4 c = __builtin_convertvector((s32x4)(h >> 8), f32x4) * 0x1p-24f;
+    const float top = c[0] + (c[1] - c[0]) * u, bottom = c[2] + (c[3] - c[2]) * u;
 
     return top + (bottom - top) * v;
 }
 
-float sst_noise(struct sst_vec3 p, uint32_t seed)
+/* floor() of what fits */
+static inline int32_t whole(double v)
 {
-    const double fx = floor(p.x), fy = floor(p.y), fz = floor(p.z);
-    const int32_t x = (int32_t)fx, y = (int32_t)fy, z = (int32_t)fz;
-    const float u = smooth((float)(p.x - fx)), v = smooth((float)(p.y - fy));
-    const float front = plane((const int32_t[3]){ x, y, z }, u, v, seed);
+    const int32_t i = (int32_t)v;
+
+    return i - (v < i);
+}
+
+static inline float noise(struct sst_vec3 p, uint32_t seed)
+{
+    const int32_t x = whole(p.x), y = whole(p.y), z = whole(p.z);
+    const float u = smooth((float)(p.x - x)), v = smooth((float)(p.y - y));
+    const uint32_t at = (uint32_t)x * OF_X + (uint32_t)y * OF_Y + (uint32_t)z * OF_Z + seed * OF_SEED;
+    const float front = plane(at, u, v);
 
     if (p.z == 0)
         return front;
-    return front + (plane((const int32_t[3]){ x, y, z + 1 }, u, v, seed) - front) * smooth((float)(p.z - fz));
+    return front + (plane(at + OF_Z, u, v) - front) * smooth((float)(p.z - z));
+}
+
+float sst_noise(struct sst_vec3 p, uint32_t seed)
+{
+    return noise(p, seed);
 }
 
 float sst_noise_fbm(struct sst_vec3 p, int octaves, uint32_t seed)
@@ -82,7 +104,7 @@ float sst_noise_fbm(struct sst_vec3 p, int octaves, uint32_t seed)
     float sum = 0, weight = 1, total = 0;
 
     for (int i = 0; i < octaves; i++) {
-        sum += weight * (sst_noise(p, seed + (uint32_t)i) - 0.5f);
+        sum += weight * (noise(p, seed + (uint32_t)i) - 0.5f);
         total += weight;
         weight *= 0.55f;
         p = (struct sst_vec3){ p.x * 2.03, p.y * 2.03, p.z * 2.03 };
