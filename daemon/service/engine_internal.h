@@ -259,6 +259,8 @@ void engine_forget_pictures(struct live_engine *v);
 void engine_serve(struct live_engine *v);
 
 /* engine_preview.c */
+/** Is there one for this view? */
+bool engine_preview_fits_locked(const struct live_engine *v, const struct view *e);
 void engine_preview_show_locked(struct live_engine *v, struct view *e);
 void engine_preview_end(struct live_engine *v);
 

@@ -5,13 +5,17 @@
 #include "daemon/service/engine_internal.h"
 #include "daemon/service/service_internal.h"
 
+/* The main view sees through what is in front. */
+bool engine_preview_fits_locked(const struct live_engine *v, const struct view *e)
+{
+    return v->preview.data && e->settings.render.method != SST_RENDER_REFOCUS;
+}
+
 void engine_preview_show_locked(struct live_engine *v, struct view *e)
 {
     const struct engine_preview *p = &v->preview;
-    uint8_t *copy = NULL;
+    uint8_t *copy = engine_preview_fits_locked(v, e) ? malloc(p->bytes) : NULL;
 
-    if (p->data && e->settings.render.method != SST_RENDER_REFOCUS) /* the main view sees through what is in front */
-        copy = malloc(p->bytes);
     if (!copy)
         return;
     memcpy(copy, p->data, p->bytes);

@@ -484,13 +484,13 @@ static int64_t end_of_wait(void)
     return sst_clock_now_ns() + FRESH_MS * INT64_C(1000000);
 }
 
-/** Wait, a little, until the picture shows the present: it may not have been made for long. */
+/** Wait, a little, until the picture shows the present: it may not have been made for long. A recorded one is there at once. */
 static void await_view_locked(struct live_engine *v, const char *id)
 {
     const int64_t end_ns = end_of_wait();
     const struct view *e;
 
-    while (!v->stop && v->live && (e = find_locked(v, id)) &&
+    while (!v->stop && v->live && (e = find_locked(v, id)) && !engine_preview_fits_locked(v, e) &&
            (v->behind || e->shown_version != e->version || e->shown_update != v->update) &&
            sst_cond_wait_until(&v->changed, &v->lock, end_ns))
         ;

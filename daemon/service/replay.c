@@ -120,9 +120,9 @@ static int64_t stamp(struct service_replay *r, int64_t wall_ns, bool jump)
 /* Until the picture of a moment is computed, the one that was recorded is shown, if there is one. */
 static void show_preview(struct service_replay *r)
 {
-    struct engine_preview p = { .set = r->set.index, .t_ns = r->stamp_ns, .wall_ns = r->set.wall_ns };
+    struct engine_preview p = { .t_ns = r->stamp_ns, .wall_ns = r->set.wall_ns };
 
-    if (sst_storage_view_picture(r->dir, &p.wall_ns, &p.data, &p.bytes))
+    if (sst_storage_view_picture(r->dir, &p.wall_ns, &p.set, &p.data, &p.bytes))
         p.data = NULL;
     engine_preview(r->engine, &p);
 }

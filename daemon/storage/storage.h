@@ -110,8 +110,9 @@ void sst_storage_release(struct sst_storage *s, const char *name);
 
 /** Picture of the see-through view that a recording has of a moment.
  *  @param dir  of sst_storage_hold() @param wall_ns  in, the moment; out, of the picture, at most SST_STORAGE_NEAR_NS away
- *  @param data  out, JPEG, to free with free() @return 0, -ENOENT (none), -EBADMSG, -EIO, -ENOMEM; not logged. Waits for the disk */
-SST_MUST_CHECK int sst_storage_view_picture(const char *dir, int64_t *wall_ns, uint8_t **data, size_t *bytes);
+ *  @param set  out, index of its trigger; data  out, JPEG, to free with free() @return 0, -ENOENT (none), -EBADMSG, -EIO, -ENOMEM; not logged. Waits for the disk */
+SST_MUST_CHECK int sst_storage_view_picture(const char *dir, int64_t *wall_ns, uint64_t *set, uint8_t **data,
+                                            size_t *bytes);
 
 /** Delete a recording, snapshot or export; running downloads of its archive are aborted. Returns after
  * 0.8 s even if the removal continues. @return 0, -ENOENT, -EBUSY (it is being written), -EROFS, -EIO */

@@ -190,7 +190,7 @@ int64_t video_view_from(const char *dir)
     return l.wall_ns;
 }
 
-int sst_storage_view_picture(const char *dir, int64_t *wall_ns, uint8_t **data, size_t *bytes)
+int sst_storage_view_picture(const char *dir, int64_t *wall_ns, uint64_t *set, uint8_t **data, size_t *bytes)
 {
     int64_t away_ns, best_ns = SST_STORAGE_NEAR_NS + 1;
     struct video_line near = { .bytes = 0 }, l;
@@ -225,6 +225,7 @@ int sst_storage_view_picture(const char *dir, int64_t *wall_ns, uint8_t **data, 
     }
     *bytes = (size_t)near.bytes;
     *wall_ns = near.wall_ns;
+    *set = near.set;
     return 0;
 }
 

@@ -366,7 +366,7 @@ static void expect_bytes(struct player *p, const char *id, int64_t wall_ns, cons
     while (!found) {
         const struct sst_jpeg *jpeg = sst_slot_get(slot, 0);
 
-        found = jpeg && jpeg->bytes == strlen(want) && !memcmp(jpeg->data, want, jpeg->bytes) && jpeg->wall_ns == wall_ns;
+        found = jpeg && jpeg->bytes == strlen(want) && !memcmp(jpeg->data, want, jpeg->bytes) && jpeg->wall_ns == wall_ns && jpeg->set == 7;
         sst_slot_jpeg_unref(jpeg);
         assert_true(sst_clock_now_ns() < end_ns);
         usleep(2000);
