@@ -537,7 +537,7 @@ void engine_configure(struct live_engine *v, const struct sst_config *config, bo
         v->config.zones != config->zones || memcmp(v->config.zone, config->zone, sizeof(config->zone)) != 0;
     v->config = *config;
     v->config_count += restart;
-    if (restart && v->live && !v->events) /* what is computed of a recording's moment is not wanted any more */
+    if (restart && v->live && !v->events) /* of a recording: its moment is given up */
         sst_live_cancel(v->live);
     name_unknown_locked(v, unknown);
     pthread_mutex_unlock(&v->lock);

@@ -5,7 +5,7 @@
 #include "daemon/service/engine_internal.h"
 #include "daemon/service/service_internal.h"
 
-/* The main view sees through what is in front. */
+/* Recorded pictures are see-through, none is refocused. */
 bool engine_preview_fits_locked(const struct live_engine *v, const struct view *e)
 {
     return v->preview.data && e->settings.render.method != SST_RENDER_REFOCUS;

@@ -62,7 +62,7 @@ export class Replay {
     return [this.goal, this.awaits ? NaN : this.drawn(), ms(this.state?.time)].find(finite) ?? NaN;
   }
 
-  /** The picture that is drawn was recorded of the moment whose own picture is being computed. */
+  /** A recorded picture of the awaited moment is drawn, while its own is being computed. */
   get recorded() {
     return this.awaits && Math.abs(this.drawn() - this.first) <= NEAR_MS;
   }

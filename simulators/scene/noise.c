@@ -74,7 +74,7 @@ static inline float plane(uint32_t at, float u, float v)
     return top + (bottom - top) * v;
 }
 
-/* floor() of what fits */
+/* floor() within the range of the result. */
 static inline int32_t whole(double v)
 {
     const int32_t i = (int32_t)v;

@@ -463,7 +463,7 @@ def test_replay_waits(b, fake):
     choose(10)
     b.wait(f"{age}.startsWith('Computing')")
     check(label() == before, f"{label()} over the picture of {before}")
-    fake.set(preview=True)  # the picture that was recorded of that moment
+    fake.set(preview=True)  # a recorded picture of the moment
     b.wait(f"{age} === 'Recorded, computing' && document.getElementById('explain').hidden")
     check(label() == told(played()), f"{label()}, recorded at {told(played())}")
     check(not b.js("document.querySelector('.frame').classList.contains('stale')"), "a picture of that moment is greyed")

@@ -375,7 +375,7 @@ static void expect_bytes(struct player *p, const char *id, int64_t wall_ns, cons
     replay_release(p->replay);
 }
 
-/* Until a picture is computed, here never, views show the one that was recorded of that moment. */
+/* Views show a recorded picture of the moment until theirs is computed: here never. */
 static void recorded_pictures_come_first(void **state SST_UNUSED)
 {
     struct sst_api_answer out = { 0 };
