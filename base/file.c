@@ -657,6 +657,13 @@ int sst_path_check_keeps(const char *path, const char *input)
     return -EINVAL;
 }
 
+int sst_path_check_file(const char *out, bool force)
+{
+    const int err = sst_path_check_new(out, true);
+
+    return err ? err : check_absent(out, force);
+}
+
 int sst_path_check_output(const char *out, bool force, const char *marker, const char *const *inputs)
 {
     char path[SST_PATH_MAX];

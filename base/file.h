@@ -112,6 +112,10 @@ SST_MUST_CHECK int sst_path_check_keeps(const char *path, const char *input);
  *  with force, `out` may exist only if it is empty or holds a file named `marker`. @return 0, -EEXIST, -EINVAL, -EIO */
 SST_MUST_CHECK int sst_path_check_output(const char *out, bool force, const char *marker, const char *const *inputs);
 
+/** Refuse (logged) a file to write that cannot be made, or that exists already (without force). @return as
+ *  sst_path_check_output() */
+SST_MUST_CHECK int sst_path_check_file(const char *out, bool force);
+
 /** Remove a folder and all below it; links are not followed. Missing is fine. */
 void sst_path_remove_tree(const char *path);
 

@@ -52,6 +52,16 @@ bool png_pack_map(uint8_t **out, size_t *size, const struct png_map *map);
 /** A map becomes a file, by libpng where it cannot be packed faster. Faults are logged. */
 SST_MUST_CHECK int png_write_map(const struct png_map *map, const char *path);
 
+#define NPY_HEADER 192 /* bytes before the data of an .npy: a multiple of 64 that holds four dimensions of 20 digits */
+
+/**
+ * Header of an .npy, version 1.0, in C order and this machine's byte order.
+ *
+ * @param type   as of sst_npz_array, npz.h @param n_dims  0 to 4 @param bytes  out, of the data
+ * @return 0, -EINVAL (n_dims, a type that is not known, more bytes than memory can have); not logged
+ */
+SST_MUST_CHECK int npy_header(char out[NPY_HEADER], const char *type, const size_t *dims, int n_dims, size_t *bytes);
+
 #define JPEG_MARK_DHT 0xC4
 #define JPEG_MARK_SOS 0xDA
 

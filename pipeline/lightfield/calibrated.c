@@ -311,3 +311,19 @@ int sst_lightfield_coverage(const struct sst_lightfield *lf, int threads, struct
     free(job);
     return err;
 }
+
+/* From x_k = x - b_k (f B / Z + infinity). */
+bool sst_lightfield_camera(struct sst_calib_camera *out, const struct sst_lightfield *lf, int view)
+{
+    const struct sst_view *v = &lf->views[view];
+
+    *out = (struct sst_calib_camera){ .known = v->present && lf->focal_px > 0 && lf->spacing_mm > 0 };
+    out->fx = out->fy = lf->focal_px;
+    out->cx = (lf->width - 1) / 2.0 + lf->off_centre_px[0] - v->bx * lf->infinity_px;
+    out->cy = (lf->height - 1) / 2.0 + lf->off_centre_px[1] - v->by * lf->infinity_px;
+    out->position_mm[0] = v->bx * lf->spacing_mm;
+    out->position_mm[1] = v->by * lf->spacing_mm;
+    for (int i = 0; i < 3; i++)
+        out->rotation[4 * i] = out->gain[i] = 1;
+    return out->known;
+}

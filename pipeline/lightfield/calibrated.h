@@ -41,6 +41,10 @@ SST_MUST_CHECK int sst_lightfield_calibrate(struct sst_lightfield *lf, const str
  *  lf->keeps_sources. @return 0, -EINVAL, -ENOMEM; logged */
 SST_MUST_CHECK int sst_lightfield_rectify_view(struct sst_lightfield *lf, int view);
 
+/** The pinhole camera of a rectified view: centre in mm from the reference view's, principal point moved where views converge. Where
+ *  infinity is not known the views count as parallel. @return false: focal length or spacing is unknown, or the view absent */
+bool sst_lightfield_camera(struct sst_calib_camera *out, const struct sst_lightfield *lf, int view);
+
 /** Fractions 0..1: of a view's pixels that come from inside its raw frame, and of the raw frame's pixels that are used.
  */
 struct sst_rectified_coverage {

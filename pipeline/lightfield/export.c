@@ -352,8 +352,8 @@ int sst_export(const struct sst_export_config *cfg)
         f++;
     if (f == formats + ARRAY_LEN(formats)) {
         sst_log_error(
-            "unknown export format `%s`;%s use stanford, hci, colmap or nerfstudio", cfg->format,
-            sst_edit_hint(cfg->format, (const char *const[]){ "stanford", "hci", "colmap", "nerfstudio", NULL }));
+            "unknown export format `%s`;%s use stanford, hci, colmap, nerfstudio or npz", cfg->format,
+            sst_edit_hint(cfg->format, (const char *const[]){ "stanford", "hci", "colmap", "nerfstudio", "npz", NULL }));
         return -EINVAL;
     }
     if (strcmp(f->name, "nerfstudio") && cfg->lossy) {

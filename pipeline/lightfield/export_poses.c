@@ -60,8 +60,7 @@ static int check_infinity(const struct sst_lightfield *lf, const char *dir)
     return 0;
 }
 
-/* Views share one rotation and one focal length. Their centres and principal points follow from
- * x_k = x - b_k (f B / Z + infinity). */
+/* Views share one rotation and one focal length. */
 static int rectified_cameras(struct sst_calib *out, const struct sst_lightfield *lf, const char *dir)
 {
     const double focal = lf->focal_px, spacing = lf->spacing_mm;
@@ -80,16 +79,8 @@ static int rectified_cameras(struct sst_calib *out, const struct sst_lightfield 
     out->height = lf->height;
     out->reference = lf->ref_view;
     out->rig = lf->infinity_px == 0; /* one camera stepped over the grid would do */
-    for (int k = 0; k < lf->rows * lf->cols; k++) {
-        struct sst_calib_camera *c = &out->camera[k];
-
-        c->known = lf->views[k].present;
-        c->fx = c->fy = focal;
-        c->cx = (lf->width - 1) / 2.0 + lf->off_centre_px[0] - lf->views[k].bx * lf->infinity_px;
-        c->cy = (lf->height - 1) / 2.0 + lf->off_centre_px[1] - lf->views[k].by * lf->infinity_px;
-        c->position_mm[0] = lf->views[k].bx * spacing;
-        c->position_mm[1] = lf->views[k].by * spacing;
-    }
+    for (int k = 0; k < lf->rows * lf->cols; k++)
+        (void)sst_lightfield_camera(&out->camera[k], lf, k);
     return 0;
 }
 

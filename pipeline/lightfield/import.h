@@ -28,15 +28,23 @@ struct sst_import_config {
 SST_MUST_CHECK int sst_import(const struct sst_import_config *cfg);
 
 struct sst_export_config {
-    const char *format;    /* "stanford", "hci", "colmap", "nerfstudio" */
-    const char *dir, *out; /* light field; folder to create */
+    const char *format;    /* "stanford", "hci", "colmap", "nerfstudio"; or "npz" */
+    const char *dir, *out; /* light field; folder to create, of npz a file */
     double focal_px, spacing_mm; /* replace the light field's, which has no calibration; 0: its own */
     double focus_mm;             /* where its views converge, in place of the light field's, INFINITY: nowhere; */
     const double *infinity_px;   /* or the disparity of infinity; NULL */
     bool lossy;                  /* nerfstudio: accept lenses that its model misses by over 0.05 px */
+    bool maps;                   /* npz: maps and cameras alone, without views */
     bool force;     /* replace an earlier export */
     int threads;
 };
+
+/**
+ * Write a light field as one .npz (docs/integrate/python.md lists its arrays): equal light fields make equal bytes. One view at a
+ * time is in memory.
+ * @return as sst_import()
+ */
+SST_MUST_CHECK int sst_export_npz(const struct sst_export_config *cfg);
 
 /** Write a light field in another format. @return as sst_import() */
 SST_MUST_CHECK int sst_export(const struct sst_export_config *cfg);

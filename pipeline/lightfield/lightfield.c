@@ -48,17 +48,22 @@ int sst_lightfield_init_files(struct sst_lightfield *lf, int rows, int cols)
     return 0;
 }
 
+void sst_view_empty(struct sst_view *view)
+{
+    sst_image_fini(&view->image);
+    sst_image_fini(&view->original);
+    free(view->encoded);
+    view->encoded = NULL;
+    sst_map_u8_fini(&view->valid);
+    sst_map_u16_fini(&view->disp);
+    sst_map_u8_fini(&view->label);
+    sst_map_u8_fini(&view->confidence);
+}
+
 void sst_lightfield_fini(struct sst_lightfield *lf)
 {
-    for (int k = 0; lf->views && k < lf->rows * lf->cols; k++) {
-        sst_image_fini(&lf->views[k].image);
-        sst_image_fini(&lf->views[k].original);
-        free(lf->views[k].encoded);
-        sst_map_u8_fini(&lf->views[k].valid);
-        sst_map_u16_fini(&lf->views[k].disp);
-        sst_map_u8_fini(&lf->views[k].label);
-        sst_map_u8_fini(&lf->views[k].confidence);
-    }
+    for (int k = 0; lf->views && k < lf->rows * lf->cols; k++)
+        sst_view_empty(&lf->views[k]);
     free(lf->views);
     if (lf->calibration)
         sst_calib_fini(lf->calibration);

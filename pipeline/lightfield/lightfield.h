@@ -132,6 +132,15 @@ SST_MUST_CHECK int sst_lightfield_choose_ref(struct sst_lightfield *lf);
  */
 SST_MUST_CHECK int sst_lightfield_load(struct sst_lightfield *lf, const char *dir, unsigned what, int threads);
 
+/**
+ * Add data of one view to a light field that was loaded without pictures (`what` 0), as sst_lightfield_load() with `what` would
+ * load it; SST_LOAD_RAW is none of it. The caller frees it by sst_view_empty(). @return as sst_lightfield_load(); logged
+ */
+SST_MUST_CHECK int sst_lightfield_load_view(struct sst_lightfield *lf, const char *dir, unsigned what, int view);
+
+/** Free pictures and maps of a view, which stays present. */
+void sst_view_empty(struct sst_view *view);
+
 /** Load a light field, the views shared with other processes that load it (share.h). @param share  or NULL */
 SST_MUST_CHECK int sst_lightfield_shared_load(struct sst_share *share, struct sst_lightfield *lf, const char *dir,
                                               unsigned what, int threads);

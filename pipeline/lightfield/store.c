@@ -232,6 +232,13 @@ static void loaded_maps(void *arg, int k, struct sst_share_maps *out)
     sst_share_add_u8(out, &v->confidence);
 }
 
+int sst_lightfield_load_view(struct sst_lightfield *lf, const char *dir, unsigned what, int view)
+{
+    struct job job = { .lf = lf, .dir = dir, .what = what };
+
+    return load_view(&job, view, 0);
+}
+
 int sst_lightfield_load(struct sst_lightfield *lf, const char *dir, unsigned what, int threads)
 {
     return sst_lightfield_shared_load(NULL, lf, dir, what, threads);

@@ -11,4 +11,7 @@
  */
 SST_MUST_CHECK int sst_posed_export(const struct sst_export_config *cfg);
 
+/** sst_export_npz() of a posed light field: pictures as they are. @return as sst_export(); logged */
+SST_MUST_CHECK int sst_posed_export_npz(const struct sst_export_config *cfg);
+
 #endif
