@@ -171,6 +171,13 @@ SHIM_OBJ := $(SHIM_SRC:%.cc=$(BUILD)/obj/%.o)
 # Loaded when first used (base/plugin.h), so that a start of sst does not load OpenCV and FFmpeg.
 PLUGINS := $(if $(SHIM_OBJ),$(BUILD)/libsst-opencv.so) $(if $(filter 1,$(WITH_AVFORMAT)),$(BUILD)/libsst-video.so) \
            $(if $(filter 1,$(WITH_GPHOTO2)),$(BUILD)/libsst-gphoto.so)
+# libsst-read: what its reader needs of these folders is position-independent, here and in the programs.
+READ_SRC := $(filter $(foreach d,base $(addprefix pipeline/,image kernels kernels/x86 kernels/arm camera lightfield lightfield/rectify posed),$(wildcard $(d)/*.c)),$(LIB_SRC))
+READ_OBJ := $(READ_SRC:%.c=$(BUILD)/obj/%.o) $(BUILD)/obj/read/read.o
+READ_FLAGS := -fPIC -fno-semantic-interposition
+READ_LIB := $(if $(SAN),,$(BUILD)/libsst-read.so.$(VERSION))
+INCLUDEDIR ?= $(PREFIX)/include
+LIBDIR ?= $(PREFIX)/lib
 CLI_OBJ := $(CLI_SRC:%.c=$(BUILD)/obj/%.o) $(BUILD)/obj/commands.o
 TESTS := $(TEST_SRC:tests/%.c=$(BUILD)/tests/%)
 # Programs that tests/system runs beside sst.
@@ -180,11 +187,11 @@ GUEST_TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(wildcard tests/guest/*.c)))
 
 .PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-arm64 kernel-tests check-timing coverage check-includes check-names check-words check-structure check-kernel deps-kernel check-cluster deps-cluster check-nodes check-onvif findings demo bench bench-quick bench-check bench-check-update bench-networks bench-calib bench-perturb bench-gpu bench-service bench-watch soak-service fuzz install install-built uninstall man help clean format tests fuzzers check-colmap deps-colmap
 .SECONDARY:
-PROGRAMS := $(BUILD)/sst $(BUILD)/sstd $(PUBLISHERS:%=$(BUILD)/sst-%) $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so) $(PLUGINS)
+PROGRAMS := $(BUILD)/sst $(BUILD)/sstd $(PUBLISHERS:%=$(BUILD)/sst-%) $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so) $(PLUGINS) $(READ_LIB)
 all: $(PROGRAMS) ## build the programs into build/: sst, sstd, sst-rtsp, sst-mqtt, sst-onvif, sst-sim (simulated devices), and their plugins
 
 # Objects of other flags or optional parts are rebuilt.
-FLAGS = $(filter-out -Werror,$(CC) $(CFLAGS_ALL) $(CXX) $(CXXFLAGS_ALL) $(LIBS) $(OPENCV_LIBS) $(AV_LIBS))
+FLAGS = $(filter-out -Werror,$(CC) $(CFLAGS_ALL) $(CXX) $(CXXFLAGS_ALL) $(LIBS) $(OPENCV_LIBS) $(AV_LIBS) $(READ_FLAGS))
 $(BUILD)/flags: $(BUILD)/shaders.h FORCE
 	@mkdir -p $(@D)
 	@echo '$(subst ','\'',$(FLAGS))' | cmp -s - $@ || echo '$(subst ','\'',$(FLAGS))' > $@
@@ -271,6 +278,16 @@ $(BUILD)/obj/drivers/still/lib_gphoto.o: private CFLAGS_ALL += -fPIC $(subst -I,
 $(BUILD)/libsst-gphoto.so: $(BUILD)/obj/drivers/still/lib_gphoto.o
 	@echo "  LD   $@"
 	@$(CC) -shared $(filter-out -pie,$(LDFLAGS_ALL)) $^ $(shell $(PKG_CONFIG) --libs libgphoto2) -o $@
+# Its objects as an archive, of which the linker takes what the reader calls; names that read.map does not list stay inside.
+$(READ_OBJ): private CFLAGS_ALL += $(READ_FLAGS)
+$(BUILD)/libsst-read.a: $(READ_OBJ)
+	@rm -f $@
+	@$(AR) rcs $@ $^
+$(BUILD)/libsst-read.so.$(VERSION): $(BUILD)/libsst-read.a read/read.map
+	@echo "  LD   $@"
+	@$(CC) -shared $(filter-out -pie,$(LDFLAGS_ALL)) -Wl,-z,defs -Wl,-soname,libsst-read.so.0 -Wl,--version-script=read/read.map \
+	      $(BUILD)/obj/read/read.o $< $(PACKAGE_LIBS) -lmd -lm -o $@
+	@ln -sf $(@F) $(BUILD)/libsst-read.so.0 && ln -sf libsst-read.so.0 $(BUILD)/libsst-read.so
 $(BUILD)/sstd: $(BUILD)/obj/daemon/main.o $(BUILD)/libsst.a
 	@echo "  LD   $@"
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
@@ -302,6 +319,7 @@ ifeq (1,$(WITH_ONVIF))
 $(BUILD)/tests/unit/onvif $(BUILD)/tests/fuzz/onvif: $(filter-out %/http.o %/main.o,$(call publisher_obj,onvif))
 $(BUILD)/tests/unit/onvif $(BUILD)/tests/fuzz/onvif: private LIBS := $(BUILD)/libsst.a $(LIBS) $(shell $(PKG_CONFIG) --libs $(PACKAGES_onvif))
 endif
+$(BUILD)/tests/unit/read: $(BUILD)/obj/read/read.o
 # OpenCV's own calibration, which a test compares with.
 ifeq (1,$(WITH_OPENCV))
 $(BUILD)/tests/unit/solve_opencv: $(BUILD)/obj/tests/unit/solve_oracle.o
@@ -443,7 +461,7 @@ fuzz: ## look for inputs that crash, leak or hang the readers of files and messa
 
 # Each header compiles alone; those that a .c includes several times with other macros (templates) do not.
 # Headers of optional parts come with what they are built with.
-HEADERS := $(filter-out $(if $(filter 1,$(WITH_RTSP)),,publishers/rtsp/%) $(if $(filter 1,$(WITH_DNNL)),,%_dnnl.h) $(if $(filter 1,$(WITH_TIFF)),,%_tiff.h) %_tmpl.h %/templates.h,$(wildcard $(foreach d,base client config drivers capture pipeline daemon publishers cli simulators tests,$(d)/*.h $(d)/*/*.h $(d)/*/*/*.h $(d)/*/*/*/*.h)))
+HEADERS := $(filter-out $(if $(filter 1,$(WITH_RTSP)),,publishers/rtsp/%) $(if $(filter 1,$(WITH_DNNL)),,%_dnnl.h) $(if $(filter 1,$(WITH_TIFF)),,%_tiff.h) %_tmpl.h %/templates.h,$(wildcard $(foreach d,base client config read drivers capture pipeline daemon publishers cli simulators tests,$(d)/*.h $(d)/*/*.h $(d)/*/*/*.h $(d)/*/*/*/*.h)))
 $(BUILD)/headers/%.h.ok: %.h | $(BUILD)/shaders.h
 	@mkdir -p $(@D)
 	@echo '#include "$<"' | $(CC) -std=c11 -D_DEFAULT_SOURCE -I. -I$(BUILD) $(if $(filter publishers/rtsp/%,$<),$(subst -I,-isystem ,$(shell $(PKG_CONFIG) --cflags $(PACKAGES_rtsp)))) -Wall -Werror -fsyntax-only -MMD -MP -MT $@ -MF $(@:.ok=.d) -x c -
@@ -455,7 +473,7 @@ check-words: ## comments name things: stand-ins for nouns are counted, in change
 check-structure: ## functions of many parameters or lines, long headers and circles of files are within limits; part of check-names
 	$(PYTHON) scripts/structure.py
 check-names: check-words check-structure
-check-names: $(LIB_OBJ) $(SHIM_OBJ) $(CLI_OBJ) $(WORLD_OBJ) $(SIM_OBJ) $(PUBLISHERS:%=$(BUILD)/sst-%) $(BUILD)/sstd ## names say which folder they belong to, links go one way
+check-names: $(LIB_OBJ) $(BUILD)/obj/read/read.o $(SHIM_OBJ) $(CLI_OBJ) $(WORLD_OBJ) $(SIM_OBJ) $(PUBLISHERS:%=$(BUILD)/sst-%) $(BUILD)/sstd ## names say which folder they belong to, links go one way
 	SST_BUILD=$(BUILD) scripts/check_names.sh
 
 BENCH := $(BUILD)/sst $(BUILD)/bench/peaks $(BUILD)/bench/live_frames $(BUILD)/bench/live_clear $(BUILD)/bench/live_scene $(BUILD)/bench/network \
@@ -514,6 +532,7 @@ demo: deps ## see through moving scenes: simulated arrays, the service, its page
 	$(BUILD)/sst demo $(DEMO)
 
 INSTALL := BUILD='$(BUILD)' PREFIX='$(PREFIX)' SYSCONFDIR='$(SYSCONFDIR)' DESTDIR='$(DESTDIR)' scripts/install.sh
+install install-built uninstall: export READ_DIRS = LIBDIR='$(LIBDIR)' INCLUDEDIR='$(INCLUDEDIR)' VERSION='$(VERSION)'
 install: all ## install programs, units, rules, man pages under DESTDIR/PREFIX; then docs/use/install.md
 	$(INSTALL) install
 install-built: ## the same without building
@@ -545,4 +564,4 @@ help: ## this list
 clean: ## remove what was built
 	rm -rf build build-*
 
--include $(LIB_OBJ:.o=.d) $(SHIM_OBJ:.o=.d) $(VIDEO_OBJ:.o=.d) $(BUILD)/obj/drivers/still/lib_gphoto.d $(WORLD_OBJ:.o=.d) $(BUILD)/obj/daemon/main.d $(BUILD)/obj/scripts/api_tables.d $(SIM_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(patsubst %.c,$(BUILD)/obj/%.d,$(wildcard tests/guest/*.c tests/tools/*.c tests/fuzz/*.c)) $(wildcard $(BUILD)/obj/tests/bench/*.d) $(HEADERS:%=$(BUILD)/headers/%.d)
+-include $(LIB_OBJ:.o=.d) $(BUILD)/obj/read/read.d $(SHIM_OBJ:.o=.d) $(VIDEO_OBJ:.o=.d) $(BUILD)/obj/drivers/still/lib_gphoto.d $(WORLD_OBJ:.o=.d) $(BUILD)/obj/daemon/main.d $(BUILD)/obj/scripts/api_tables.d $(SIM_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(patsubst %.c,$(BUILD)/obj/%.d,$(wildcard tests/guest/*.c tests/tools/*.c tests/fuzz/*.c)) $(wildcard $(BUILD)/obj/tests/bench/*.d) $(HEADERS:%=$(BUILD)/headers/%.d)

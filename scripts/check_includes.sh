@@ -9,11 +9,12 @@ deny() { # folder, regex of includes it must not have
     echo "error: $1 must not include $2" >&2; bad=1
   fi
 }
-deny base 'config|drivers|capture|pipeline|client|publishers|daemon|cli|simulators'
+deny base 'read|config|drivers|capture|pipeline|client|publishers|daemon|cli|simulators'
 deny client 'config|drivers|capture|pipeline|publishers|daemon|cli|simulators'
 deny publishers 'drivers|capture|daemon|cli|simulators'
 deny config 'drivers|capture|pipeline|daemon|cli|simulators'
-deny pipeline 'config|drivers|capture|daemon|cli|simulators'
+deny pipeline 'read|config|drivers|capture|daemon|cli|simulators'
+deny read 'config|drivers|capture|client|publishers|daemon|cli|simulators'
 deny drivers 'config|capture|pipeline|daemon|cli|simulators'
 deny capture 'daemon|cli|simulators'
 deny daemon 'client|publishers|cli|simulators'

@@ -12,7 +12,7 @@
 set -u
 cd "$(dirname "$0")/.." || exit 1
 build=${SST_BUILD:-build}
-roots='base client config drivers capture pipeline daemon publishers cli simulators'
+roots='base client config read drivers capture pipeline daemon publishers cli simulators'
 bad=0
 fail() { echo "error: $*" >&2; bad=1; }
 
@@ -29,6 +29,7 @@ done)
   BEGIN {
     allowed["client"] = "base"; allowed["publishers"] = "base client config pipeline"
     allowed["config"] = "base"; allowed["drivers"] = "base"; allowed["pipeline"] = "base"
+    allowed["read"] = "base pipeline"
     allowed["capture"] = "base drivers pipeline config"; allowed["simulators"] = "base pipeline"
     allowed["daemon"] = "base drivers pipeline config capture"
     allowed["cli"] = "base client drivers pipeline config capture simulators"

@@ -59,6 +59,21 @@ put 644 systemd/modules-load.conf "$p/lib/modules-load.d/sst.conf"
 put 644 systemd/60-sst.rules "$p/lib/udev/rules.d/60-sst.rules"
 for f in systemd/examples/*; do put 644 "$f" "$doc/examples/${f##*/}"; done
 
+# libsst-read and what building with it needs.
+eval "${READ_DIRS:-LIBDIR=$PREFIX/lib INCLUDEDIR=$PREFIX/include VERSION=$(sed -n 's/^VERSION := //p' Makefile)}"
+if [ "$verb" = uninstall ] || [ -e "$BUILD/libsst-read.so.$VERSION" ]; then
+  put 644 "$BUILD/libsst-read.so.$VERSION" "$root$LIBDIR/libsst-read.so.$VERSION"
+  linked "libsst-read.so.$VERSION" "$root$LIBDIR/libsst-read.so.0"
+  linked libsst-read.so.0 "$root$LIBDIR/libsst-read.so"
+  put 644 read/sst/read.h "$root$INCLUDEDIR/sst/read.h"
+  text=$(mktemp)
+  sed "s,@PREFIX@,$PREFIX,; s,@LIBDIR@,$LIBDIR,; s,@INCLUDEDIR@,$INCLUDEDIR,; s,@VERSION@,$VERSION," read/sst-read.pc.in >"$text"
+  put 644 "$text" "$root$LIBDIR/pkgconfig/sst-read.pc"
+  rm -f "$text"
+  put 644 read/example.c "$doc/examples/read.c"
+fi
+empty "$root$INCLUDEDIR/sst" "$root$LIBDIR/pkgconfig"
+
 # The one file to edit; a new version comes beside the documentation only.
 put 644 config/sstd.yaml "$doc/sstd.yaml"
 if [ "$verb" = install ]; then

@@ -18,7 +18,7 @@ import os
 import re
 import sys
 
-ROOTS = "base capture cli client config daemon drivers pipeline publishers simulators".split()
+ROOTS = "base capture cli client config daemon drivers pipeline publishers read simulators".split()
 PARAMETERS, LINES, HEADER, CIRCLE = 5, 80, 500, 8
 LIMITS = {"parameters": 97, "lines": 0, "headers": 1, "circles": 0}
 TOKEN = re.compile(r'"(?:\\.|[^"\\\n])*"|\'(?:\\.|[^\'\\\n])*\'|//[^\n]*|/\*.*?\*/', re.S)

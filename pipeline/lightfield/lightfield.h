@@ -13,6 +13,7 @@
 
 struct sst_calib;
 struct sst_correction;
+struct sst_deep; /* pipeline/image/deep.h */
 struct sst_lightfield_files;
 struct sst_rectified;
 
@@ -171,6 +172,10 @@ SST_MUST_CHECK int sst_lightfield_choose_samples(struct sst_lightfield *lf, cons
  *  @param report  log the loss. @return as sst_lightfield_choose_samples() */
 SST_MUST_CHECK int sst_lightfield_levels(const struct sst_lightfield *lf, const char *dir, bool report, int *before,
                                          int *after);
+
+/** Read the file of a view, levels as they are, neither rectified nor corrected. @param out  initialised here @return as
+ *  sst_lightfield_load(), logged */
+SST_MUST_CHECK int sst_lightfield_read_file(struct sst_deep *out, const struct sst_lightfield *lf, const char *dir, int view);
 
 /** Samples of the views' files, which all have 16 bits: red, green and blue of each view. @param plane  out, [rows * cols][3],
  *  zeroed before; to be freed by the caller also after failures. @return as sst_lightfield_choose_samples(), -EBADMSG:

@@ -9,6 +9,7 @@
 #include "base/log.h"
 #include "base/thread.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/image/deep.h"
 #include "pipeline/lightfield/lightfield_internal.h"
 
 #define HEADER 25 /* bytes of a PNG up to its bit depth */
@@ -107,6 +108,26 @@ int sst_lightfield_jpeg_quality(double *quality, const struct sst_lightfield *lf
         free(file.data);
     }
     return 0;
+}
+
+int sst_lightfield_read_file(struct sst_deep *out, const struct sst_lightfield *lf, const char *dir, int view)
+{
+    struct view_file file;
+    struct sst_deep made;
+    int err = read_view(&file, lf, view, dir);
+
+    if (err)
+        return err;
+    err = sst_deep_decode(&made, file.data, file.size, file.path);
+    free(file.data);
+    if (err)
+        return err;
+    err = view_check_size(lf, file.path, made.width, made.height);
+    if (err)
+        sst_deep_fini(&made);
+    else
+        *out = made;
+    return err;
 }
 
 struct deep_job {

@@ -1,0 +1,271 @@
+"""Client of sstd's API (docs/integrate/api.md): state, events, visits, pictures as arrays. Standard library alone."""
+import http.client
+import json
+import os
+import socket
+import ssl
+import tempfile
+import urllib.error
+import urllib.parse
+import urllib.request
+from typing import NamedTuple
+
+import numpy as np
+
+from .pictures import decode_picture
+
+_MOST_JSON = 64 << 20
+_MOST_PICTURE = 64 << 20
+_MOST_LINE = 1 << 20
+
+
+class ServiceError(OSError):
+    """The service refused, does not answer, or answers something else. `status`: of HTTP; None: no answer came."""
+
+    def __init__(self, text, status=None):
+        super().__init__(text)
+        self.status = status
+
+
+class Picture(NamedTuple):
+    """A picture of the service."""
+    image: np.ndarray  # (height, width, 3) uint8
+    time: float        # of its set, seconds since 1970; NaN: not known
+    set: int           # number of its set; -1: not known
+
+
+class _UnixConnection(http.client.HTTPConnection):
+    def __init__(self, path, timeout):
+        super().__init__("localhost", timeout=timeout)
+        self._path = path
+
+    def connect(self):
+        self.sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self.sock.settimeout(self.timeout)
+        self.sock.connect(self._path)
+
+
+class _UnixHandler(urllib.request.HTTPHandler):
+    def __init__(self, path):
+        super().__init__()
+        self._path = path
+
+    def http_open(self, req):
+        return self.do_open(lambda host, timeout=None, **_: _UnixConnection(self._path, timeout), req)
+
+
+class _NoRedirect(urllib.request.HTTPRedirectHandler):
+    """A token goes to no other address."""
+
+    def redirect_request(self, req, fp, code, msg, headers, newurl):
+        return None
+
+
+class Client:
+    """A service.
+
+        sst.Client("unix:/run/sst/control.sock")
+        sst.Client("https://gate.example:8090", token_file="token", cafile="ca.pem")
+
+    url         http://, https:// or unix:PATH of the socket
+    token       of the service; token_file: a file with it
+    timeout     seconds for connecting, and for each wait for bytes
+    cafile      PEM file of the certificates that are trusted; default: those of the system
+    verify      False: any certificate is accepted. Only for tests: whoever is in between reads the token
+
+    Proxies of the environment are not used, redirects are refused. All methods raise ServiceError, an OSError of one sentence.
+    """
+
+    def __init__(self, url, token=None, token_file=None, timeout=10.0, cafile=None, verify=True):
+        if token_file is not None:
+            with open(token_file, encoding="utf-8") as f:
+                token = f.read(4097).strip()
+        if token is not None and (not token or len(token) > 4096 or not token.isascii() or not token.isprintable()):
+            raise ValueError("the token is empty, or no plain text of at most 4096 characters")
+        self._token, self.timeout = token, timeout
+        handlers = [urllib.request.ProxyHandler({}), _NoRedirect()]
+        if url.startswith("unix:"):
+            handlers.append(_UnixHandler(url[5:]))
+            self.url, self._base = url, "http://localhost"
+        else:
+            parts = urllib.parse.urlsplit(url)
+            if parts.scheme not in ("http", "https") or not parts.hostname or parts.query or parts.fragment or parts.username:
+                raise ValueError(f"{url} is not an address like http://127.0.0.1:8090 or unix:/run/sst/control.sock")
+            if parts.scheme == "https":
+                context = ssl.create_default_context(cafile=cafile)
+                if not verify:
+                    context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+                handlers.append(urllib.request.HTTPSHandler(context=context))
+            self.url = self._base = url.rstrip("/")
+        self._opener = urllib.request.build_opener(*handlers)
+
+    def _open(self, path, query=None, body=None, accept=None):
+        query = {k: v for k, v in (query or {}).items() if v is not None}
+        address = self._base + path + ("?" + urllib.parse.urlencode(query) if query else "")
+        request = urllib.request.Request(address, method="GET" if body is None else "POST")
+        if body is not None:
+            request.data = json.dumps(body).encode()
+            request.add_header("Content-Type", "application/json")
+        if self._token:
+            request.add_unredirected_header("Authorization", "Bearer " + self._token)
+        if accept:
+            request.add_header("Accept", accept)
+        try:
+            return self._opener.open(request, timeout=self.timeout)
+        except urllib.error.HTTPError as e:
+            with e:
+                raise ServiceError(f"{self.url}{path}: {self._sentence(e)}", e.code) from None
+        except (OSError, http.client.HTTPException) as e:
+            why = getattr(e, "reason", e)
+            if isinstance(why, TimeoutError):
+                why = f"no answer within {self.timeout:g} s"
+            raise ServiceError(f"{self.url} does not answer: {why}") from None
+
+    @staticmethod
+    def _sentence(e):
+        try:
+            text = json.loads(e.read(65536))["error"]
+        except (ValueError, KeyError, TypeError, OSError, http.client.HTTPException):
+            text = ""
+        return text if isinstance(text, str) and text else f"HTTP {e.code} {e.reason}"
+
+    def _read(self, answer, limit, path):
+        try:
+            with answer:
+                data = answer.read(limit + 1)
+        except (OSError, http.client.HTTPException) as e:
+            raise ServiceError(f"{self.url}{path}: the answer ends early: {e}") from None
+        if len(data) > limit:
+            raise ServiceError(f"{self.url}{path}: the answer is larger than {limit} bytes")
+        return data
+
+    def _json(self, path, query=None, body=None):
+        data = self._read(self._open(path, query, body), _MOST_JSON, path)
+        try:
+            return json.loads(data)
+        except (ValueError, RecursionError):
+            raise ServiceError(f"{self.url}{path}: the answer is not JSON; is this the address of sstd?") from None
+
+    def get(self, path, **query):
+        """Answer of a GET as objects of JSON."""
+        return self._json(path, query)
+
+    def post(self, path, **body):
+        """Answer of a POST with these members."""
+        return self._json(path, body=body)
+
+    def status(self):
+        """State of the service (docs/integrate/status.md): a dict."""
+        return self._json("/api/v1/status")
+
+    def cameras(self):
+        """The grid: state, skew and drops of each camera."""
+        return self._json("/api/v1/cameras")
+
+    def labels(self):
+        """Classes: list of dicts with label, name, colour, share."""
+        return self._json("/api/v1/labels")["labels"]
+
+    def _lines(self, answer, path):
+        with answer:
+            while True:
+                try:
+                    line = answer.readline(_MOST_LINE)
+                except TimeoutError:
+                    raise ServiceError(f"{self.url}{path}: nothing came for {self.timeout:g} s") from None
+                except (OSError, http.client.HTTPException) as e:
+                    raise ServiceError(f"{self.url}{path}: the stream ends: {e}") from None
+                if not line:
+                    return
+                if len(line) == _MOST_LINE:
+                    raise ServiceError(f"{self.url}{path}: a line is larger than {_MOST_LINE} bytes")
+                if line.strip():
+                    try:
+                        yield json.loads(line)
+                    except ValueError:
+                        raise ServiceError(f"{self.url}{path}: a line is not JSON") from None
+
+    def events(self, after=None, limit=None):
+        """Events that the service keeps: a list of dicts with id, time, level, type, message, data."""
+        path = "/api/v1/events"
+        return list(self._lines(self._open(path, {"after": after, "limit": limit}), path))
+
+    def follow(self, after=None, timeout=60.0):
+        """Events as they come: a generator. It ends when the service does; ServiceError after `timeout` seconds of silence (the service
+        sends a sign of life every 15 s)."""
+        path, usual = "/api/v1/events/stream", self.timeout
+        self.timeout = max(timeout, usual)
+        try:
+            answer = self._open(path, {"after": after}, accept="application/x-ndjson")
+        finally:
+            self.timeout = usual
+        return self._lines(answer, path)
+
+    def visits(self, since=None, until=None, label=None, zone=None, reviewed=None, limit=100):
+        """Visits on disk, the newest first: a list of at most `limit` dicts. since, until: times like "2026-11-21T18:00:00Z"."""
+        made, before = [], None
+        while len(made) < limit:
+            page = self._json("/api/v1/visits", {"from": since, "to": until, "label": label, "zone": zone, "before": before,
+                                                 "reviewed": None if reviewed is None else str(bool(reviewed)).lower(), "limit": min(limit - len(made), 100)})
+            made += page["visits"]
+            if not page.get("more") or not page["visits"]:
+                break
+            before = page["visits"][-1]["visit"]
+        return made
+
+    def _picture(self, path):
+        answer = self._open(path)
+        headers = answer.headers
+        image = decode_picture(self._read(answer, _MOST_PICTURE, path), self.url + path)
+        try:
+            time, number = float(headers.get("X-Timestamp", "nan")), int(headers.get("X-Sst-Set", "-1"))
+        except ValueError:
+            time, number = float("nan"), -1
+        return Picture(np.repeat(image[..., None], 3, 2) if image.ndim == 2 else image, time, number)
+
+    def snapshot(self, of=""):
+        """The newest picture. of: "" (the main view), "labels", "disparity", a camera like "r0c5", or the id of a view."""
+        of = str(of)
+        camera = of[:1] == "r" and of[1:].replace("c", "", 1).isdigit()
+        return self._picture("/snapshot" + (f"/camera/{of}" if camera else f"/{urllib.parse.quote(of, safe='')}" if of else ""))
+
+    def visit_picture(self, visit, of="seen"):
+        """Picture of a visit, by its name. of: "seen" (through what stood in front) or "camera"."""
+        if of not in ("seen", "camera"):
+            raise ValueError(f"of {of!r} is neither seen nor camera")
+        return self._picture(f"/api/v1/visits/{urllib.parse.quote(str(visit), safe='')}/{of}")
+
+    def recordings(self):
+        """What is stored: a dict with recordings, snapshots, exports."""
+        return self._json("/api/v1/recordings")
+
+    def download(self, name, path, limit=1 << 40):
+        """Fetch something that is stored (NAME.tar, NAME.mkv, NAME.r0c5.mkv, NAME.mp4 ...) into a file, whole or not at all.
+
+        Returns its bytes; ServiceError also where it is larger than `limit`.
+        """
+        route = "/api/v1/download/" + urllib.parse.quote(name, safe="")
+        answer = self._open(route)
+        total, expected = 0, answer.headers.get("Content-Length")
+        with tempfile.NamedTemporaryFile(dir=os.path.dirname(os.path.abspath(path)), prefix=".sst-", delete=False) as f:
+            try:
+                with answer:
+                    while piece := answer.read(1 << 20):
+                        total += len(piece)
+                        if total > limit:
+                            raise ServiceError(f"{self.url}{route}: it is larger than {limit} bytes")
+                        f.write(piece)
+                if expected and int(expected) != total:
+                    raise ServiceError(f"{self.url}{route}: {total} of {expected} bytes came")
+                f.flush()
+                os.fsync(f.fileno())
+                os.replace(f.name, path)
+            except BaseException as e:
+                os.unlink(f.name)
+                if isinstance(e, http.client.HTTPException):
+                    raise ServiceError(f"{self.url}{route}: the answer ends early: {e}") from None
+                raise
+        return total
+
+    def __repr__(self):
+        return f"<sst.Client {self.url}>"
