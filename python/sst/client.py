@@ -14,7 +14,7 @@ import numpy as np
 
 from .pictures import decode_picture
 
-_MOST_JSON = 64 << 20
+_MOST_JSON = 16 << 20
 _MOST_PICTURE = 64 << 20
 _MOST_LINE = 1 << 20
 
@@ -127,7 +127,8 @@ class Client:
             text = json.loads(e.read(65536))["error"]
         except (ValueError, KeyError, TypeError, OSError, http.client.HTTPException):
             text = ""
-        return text if isinstance(text, str) and text else f"HTTP {e.code} {e.reason}"
+        text = text if isinstance(text, str) and text else f"HTTP {e.code} {e.reason}"
+        return "".join(c if c.isprintable() else "?" for c in text[:500])
 
     def _read(self, answer, limit, path):
         try:
@@ -185,10 +186,16 @@ class Client:
                     except ValueError:
                         raise ServiceError(f"{self.url}{path}: a line is not JSON") from None
 
-    def events(self, after=None, limit=None):
-        """Events that the service keeps: a list of dicts with id, time, level, type, message, data."""
-        path = "/api/v1/events"
-        return list(self._lines(self._open(path, {"after": after, "limit": limit}), path))
+    def events(self, after=0, limit=100000):
+        """Events that the service keeps, the oldest first: a list of at most `limit` dicts with id, time, level, type, message, data."""
+        path, made = "/api/v1/events", []
+        while len(made) < limit:
+            page = list(self._lines(self._open(path, {"after": after, "limit": min(limit - len(made), 1000)}), path))
+            if not page or not all(isinstance(e.get("id"), int) and e["id"] > after for e in page[:1] + page[-1:]):
+                break
+            made += page
+            after = page[-1]["id"]
+        return made[:limit]
 
     def follow(self, after=None, timeout=60.0):
         """Events as they come: a generator. It ends when the service does; ServiceError after `timeout` seconds of silence (the service

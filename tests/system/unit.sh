@@ -18,6 +18,11 @@ for name in rtsp mqtt onvif; do
   [ -x "dest/usr/sbin/sst-$name" ] && [ -e "dest/usr/lib/systemd/system/sstd.service.wants/sst-$name.service" ] ||
     fail "sst-$name is not installed and enabled"
 done
+if [ -e "$build/libsst-read.so.0" ]; then
+  [ -s dest/usr/lib/libsst-read.so ] && [ -s dest/usr/lib/libsst-read.so.0 ] && [ -s dest/usr/include/sst/read.h ] || fail "libsst-read is not installed"
+  flags=$(PKG_CONFIG_PATH=dest/usr/lib/pkgconfig PKG_CONFIG_ALLOW_SYSTEM_CFLAGS=1 pkg-config --cflags --libs sst-read)
+  [[ $flags == *-I/usr/include*-lsst-read* ]] || fail "sst-read.pc: $flags"
+fi
 unit=dest/usr/lib/systemd/system/sstd.service
 grep -q '^ExecStart=/usr/sbin/sstd$' $unit && grep -q '^ExecReload=/usr/bin/sst reload$' $unit || fail "paths: $(grep Exec $unit)"
 grep -rlE '@[A-Z]+@' dest/usr/lib/systemd dest/usr/share/man && fail "a place was not filled in"
