@@ -320,6 +320,7 @@ $(BUILD)/tests/unit/onvif $(BUILD)/tests/fuzz/onvif: $(filter-out %/http.o %/mai
 $(BUILD)/tests/unit/onvif $(BUILD)/tests/fuzz/onvif: private LIBS := $(BUILD)/libsst.a $(LIBS) $(shell $(PKG_CONFIG) --libs $(PACKAGES_onvif))
 endif
 $(BUILD)/tests/unit/read: $(BUILD)/obj/read/read.o
+$(BUILD)/tests/unit/read: private LIBS := $(BUILD)/libsst.a $(LIBS)
 # OpenCV's own calibration, which a test compares with.
 ifeq (1,$(WITH_OPENCV))
 $(BUILD)/tests/unit/solve_opencv: $(BUILD)/obj/tests/unit/solve_oracle.o
@@ -417,6 +418,10 @@ deps-cluster: ## install what check-cluster needs besides
 check-cluster: deps-cluster $(PROGRAMS) ## shared work on a real Slurm of this machine, and by workers that are killed; needs root
 	SST_BUILD=$(BUILD) tests/cluster/slurm.sh
 	SST_BUILD=$(BUILD) tests/cluster/kills.sh
+
+.PHONY: check-python
+check-python: $(PROGRAMS) ## notebooks whole, and python3-sst on public light fields, about 2 minutes; SHARED=DIR has their folder
+	SST_BUILD=$(BUILD) tests/python/check.sh $(SHARED)
 
 deps-colmap: ## install what check-colmap needs besides
 	scripts/deps.sh scripts/colmap/packages.txt
