@@ -22,6 +22,8 @@ names README.md "the status" '^Version ([0-9]+\.[0-9]+\.[0-9]+)\..*'
 names docs/man/sst.1 "the title" '^\.TH SST .*"sst ([^"]*)".*'
 names docs/man/sstd.8 "the title" '^\.TH SSTD .*"sst ([^"]*)".*'
 names docs/man/sstd.yaml.5 "the title" '^\.TH SSTD\.YAML .*"sst ([^"]*)".*'
+names python/pyproject.toml "the package" '^version = "([^"]*)".*'
+names python/sst/__init__.py "the package" '^__version__ = "([^"]*)".*'
 tag=$(git tag --points-at HEAD 2>/dev/null | grep -E '^v[0-9]' | head -n 1)
 [ -z "$tag" ] || [ "$tag" = "v$version" ] || fail "this commit has the tag $tag; the Makefile has $version"
 exit $bad

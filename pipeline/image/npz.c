@@ -127,7 +127,7 @@ int sst_npz_add(struct sst_npz *npz, const struct sst_npz_array *array, const vo
     return err || !npz->left ? err : sst_npz_put(npz, data, npz->left);
 }
 
-/* Code points of a text, the last one NUL; what is not UTF-8 becomes U+FFFD. @return how many */
+/* Code points of a text, the last one NUL; bytes that are not UTF-8 become U+FFFD. @return how many */
 static size_t decode(uint32_t *out, const char *text)
 {
     size_t n = 0;

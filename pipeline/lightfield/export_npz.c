@@ -88,7 +88,7 @@ static int put_views(struct npz_job *job, size_t kind)
     return err;
 }
 
-/* Whether any view has a map of a kind; those that have one are then known to be good. */
+/* Kinds of maps that any view has. */
 static int look_for_maps(struct npz_job *job)
 {
     int err = 0;

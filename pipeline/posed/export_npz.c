@@ -15,7 +15,7 @@ struct npz_job {
     struct sst_npz npz;
 };
 
-/* Numbers of a view; what is not known is NaN. */
+/* Numbers of a view, NaN where unknown. */
 static void put_matrix(double *out, const struct sst_posed_view *v)
 {
     const struct sst_calib_camera *c = &v->camera;

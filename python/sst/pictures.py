@@ -176,7 +176,7 @@ def _pillow(data, name, indices=False):
             return np.array(img.convert("L" if img.mode in ("1", "L", "LA") else "RGB"))
     except FormatError:
         raise
-    except Exception as e:  # noqa: BLE001 - plugins of Pillow raise what they like at damaged files
+    except Exception as e:  # noqa: BLE001 - plugins of Pillow raise exceptions of any kind at damaged files
         raise FormatError(f"{name} cannot be read as a picture: {str(e)[:200]}") from None
 
 

@@ -174,7 +174,7 @@ class Recording:
         try:
             f = Fields(parse_json(read_bytes(name, 64 << 10), name), name)
             return f.int("sets", 0, 1 << 62), f.int("before_segment", 0, 999999)
-        except FormatError:  # what lies before the first segment that is there was removed
+        except FormatError:  # sets before the first present segment were removed
             there = [int(n[:6]) for n in os.listdir(os.path.join(self.path, "segments")) if len(n) == 10 and n.endswith(".mkv") and n[:6].isdigit()]
             return 0, min(there, default=0)
 

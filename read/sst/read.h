@@ -22,7 +22,7 @@ struct sst_read; /* an open light field */
 struct sst_read_info {
     size_t size;       /* in: sizeof(struct sst_read_info) */
     int posed;         /* 1: a lens and a pose for every view; 0: a lattice */
-    int views;         /* views are numbered from 0; of a lattice row by row, also those that are absent */
+    int views;         /* numbered from 0; of a lattice row by row, absent ones included */
     int rows, cols;    /* posed: 0 */
     int reference;     /* view; posed: the placed one in the middle, -1: none is placed */
     int width, height; /* of every view, px */

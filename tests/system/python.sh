@@ -9,7 +9,7 @@ export PYTHONPATH=$root/python PYTHONDONTWRITEBYTECODE=1
 ok() { "$@" >out 2>err || fail "$*: $(head -c 600 err)"; }
 
 # --- light fields of every kind ---
-ok "$sst" scene bush -o bush.lf --size 160x120 --grid 3x3
+ok "$sst" scene bush -o bush.lf --size 160x120 --grid 2x2
 ok "$sst" process bush.lf --preset preview
 ok "$sst" scene flight -o flight.lf --size 96x80 --grid 1x4
 ok "$sst" scene forest -o forest.lf --size 96x80 --grid 1x3 --unplaced
@@ -20,7 +20,7 @@ ok "$sst" rectify raw.lf --calib calib.yaml -o calibrated.lf
 ok "$python" "$root/tests/python/readers.py" "$sst" lightfields,calibration,damage,png
 rm -rf bad*
 
-# --- npz: equal bytes, whole or not at all, never over what is read ---
+# --- npz: equal bytes, whole or not at all, never over its own input ---
 ok "$sst" export npz bush.lf -o once.npz
 ok "$sst" export npz bush.lf -o twice.npz --threads 1
 cmp -s once.npz twice.npz || fail "two exports differ"
@@ -53,8 +53,8 @@ for _ in $(seq 1200); do [ -S s ] && [ -s port ] && break; sleep 0.05; done
 ok "$python" "$root/tests/python/readers.py" "$sst" client "$tmp/s" port
 
 # --- a notebook, small ---
-PATH=$(dirname "$sst"):$PATH SST_NOTEBOOK_SIZE=120x90 SST_NOTEBOOK_PRESET=preview ok "$python" "$root/python/notebooks/run.py" \
-  --check 'stack.shape == (36, 90, 120) and wrong < 0.9' "$root/python/notebooks/maps.ipynb"
+PATH=$(dirname "$sst"):$PATH SST_NOTEBOOK_SCENE="--size 120x90 --grid 2x2" SST_NOTEBOOK_PRESET=preview ok "$python" "$root/python/notebooks/run.py" \
+  --check 'stack.shape == (4, 90, 120) and wrong < 0.9' "$root/python/notebooks/maps.ipynb"
 for n in recording live; do ok "$python" "$root/python/notebooks/run.py" --list "$root/python/notebooks/$n.ipynb"; done
 
 # --- the library; tests/system/unit.sh installs it ---
