@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .files import Fields, FormatError, parse_json, read_bytes
+from .jpeg_parts import base_ns, join
 from .pictures import check_size, decode_picture
 
 _MOST_JSON = 4 << 20
@@ -13,6 +14,8 @@ _MOST_LINE = 1024 + 256 * 192
 _COLUMNS = ["cam", "sequence", "lost_before", "from_set_ns", "arrival_ns", "offset", "bytes", "stride", "faults", "crc32"]
 _BAYER = {"RGGB": (0, 0), "GRBG": (1, 0), "GBRG": (0, 1), "BA81": (1, 1)}  # column and row of the red sample
 _BAD, _PARTS = 127, 256
+_SAME_NS = 1000        # between a base's time and that of its set
+_BACK_NS = 10 * 10**9  # by which the wall clock may have been set while it was searched
 _FAULTS = ("flagged by the driver", "empty", "short", "no JPEG start", "no JPEG end", "broken JPEG", "time stamp backwards", "frozen", "parts",
            "time of arrival", "another size")
 
@@ -37,6 +40,7 @@ class Frame:
     height: int
     stride: int
     name: str  # for messages
+    base: bytes = None  # JPEG of the earlier frame, where `data` has the differences from it alone (faults 256)
 
     @property
     def good(self):
@@ -62,16 +66,25 @@ class Frame:
             return np.ascontiguousarray(rows).view("<u2").astype(np.uint16)
         return np.ascontiguousarray(rows.reshape(self.height, self.width, 2) if self.pixel_format == "YUYV" else rows)
 
+    def jpeg(self):
+        """A whole JPEG: `data`, or where it has only differences from an earlier frame (faults 256) joined with that one. Raises FormatError:
+        no JPEG, or the earlier frame is not there any more."""
+        if self.pixel_format not in ("MJPG", "JPEG"):
+            self._fault(f"is {self.pixel_format}, not JPEG")
+        if not self.faults & _PARTS:
+            return self.data
+        if self.base is None:
+            self._fault("has the differences from an earlier frame alone, which is not there any more")
+        return join(self.base, self.data, self.name)
+
     def rgb(self):
         """Pixels: (height, width, 3) uint8, of Y16 (height, width, 3) uint16.
 
         The values of `sst import recording`: Bayer by Malvar, He and Cutler (2004), YUYV by BT.601 in limited range, JPEG by Pillow. Raises
         FormatError.
         """
-        if self.faults & _PARTS:
-            self._fault("was recorded as differences from an earlier frame; `sst import recording` joins them")
         if self.pixel_format in ("MJPG", "JPEG"):
-            made = decode_picture(self.data, self.name)
+            made = decode_picture(self.jpeg(), self.name)
             if made.shape[:2] != (self.height, self.width):
                 self._fault(f"has {made.shape[1]} x {made.shape[0]} pixels, not {self.width} x {self.height}")
         else:
@@ -262,8 +275,22 @@ class Recording:
         if len(data) != f["bytes"] or zlib.crc32(data) != f["crc32"]:
             raise FormatError(f"{name} is damaged: its bytes are missing or differ from their checksum")
         t = made["t_ns"] + f["from_set_ns"]
+        base = self._base(i, camera, base_ns(data, name)) if f["faults"] & _PARTS else None
         return Frame(self.cameras[camera], t, t + f["arrival_ns"], f["sequence"], f["lost_before"], f["faults"], data, self.pixel_format, self.width,
-                     self.height, f["stride"], name)
+                     self.height, f["stride"], name, base)
+
+    def _base(self, i, camera, wall_ns):
+        """Bytes of the whole frame of a moment before set i: at most a minute of sets lies between. None: it is not there."""
+        for k in range(i - 1, -1, -1):
+            if self._lines[k][4]:
+                continue
+            other = self.set(k)
+            if abs(other["wall_ns"] - wall_ns) <= _SAME_NS:
+                f = other["frames"].get(camera)
+                return self.frame(k, camera).data if f and not f["faults"] & _PARTS else None
+            if other["wall_ns"] < wall_ns - _BACK_NS:
+                return None
+        return None
 
     def frames(self, i):
         """Frames of set i by (row, col); cameras without one are left out. Raises as frame()."""

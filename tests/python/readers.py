@@ -1,4 +1,5 @@
 """python3-sst against `sst export npz`, the light fields that `sst import recording` makes, and damaged files: readers.py SST [PART ...]"""
+import dataclasses
 import json
 import os
 import shutil
@@ -236,6 +237,15 @@ def check_recordings():
             assert raw.dtype == (np.uint16 if f == "Y16" else np.uint8) and raw.shape[:2] == (26, 38)
             lattice("set-" + f)
         assert abs(recording.time(2) - 1.7e9) < 10 and len(recording.frames(3)) == 4
+    parts, lf = sst.Recording("rec-parts"), sst.open("set-parts")
+    for view in lf.views:
+        frame = parts.frame(3, view)
+        assert frame.faults == 256 and frame.base and len(frame.data) < len(frame.base)
+        same(frame.rgb(), lf.image(view))
+    cut = frame.data[:len(frame.data) - 40]
+    refused("damaged", dataclasses.replace(frame, data=cut).rgb)
+    refused("not there any more", dataclasses.replace(frame, base=None).rgb)
+    refused("earlier frame", dataclasses.replace(frame, base=sst.Recording("rec-MJPG").frame(0, 0).data).rgb)
     holes = sst.Recording("rec-holes")
     missing = [(i, k) for i in range(len(holes)) for k in range(4) if holes.frame(i, k) is None]
     assert missing == [(i, k) for i in range(len(holes)) for k in holes.set(i)["missing"]] and missing, missing

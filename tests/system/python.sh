@@ -41,6 +41,8 @@ if [ -x "$writer" ] && "$sst" version --json | grep -q '"libavformat": true'; th
     ok "$writer" write rec-$f cameras=4 width=38 height=26 format=$f jpeg=$jpeg holes=0 sets=4 segment_s=0.2 exact=1
     ok "$sst" import recording rec-$f -o set-$f --sets 2
   done
+  ok "$writer" write rec-parts cameras=3 width=88 height=50 jpeg=1 parts=1 holes=0 sets=5 segment_s=0.2
+  ok "$sst" import recording rec-parts -o set-parts --sets 3
   ok "$writer" write rec-holes cameras=4 width=38 height=26 format=GREY holes=1 sets=12 exact=1
   ok "$python" "$root/tests/python/readers.py" "$sst" recordings
 fi

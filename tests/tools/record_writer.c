@@ -4,10 +4,10 @@
  *   record_writer check DIR [name=value ...]   exit 0: every set is what was written; prints how many there are
  *   record_writer bench DIR [name=value ...]   prints the cost of a set
  * cameras=36 bytes=40000 sets=100 rate=10 sync=1 segment_s=60 segment_bytes=0 append=0 holes=1 exact=0 pace=0
- * format=MJPG width=640 height=480 jpeg=0 first=0 stay=0 views=LF shift=0
+ * format=MJPG width=640 height=480 jpeg=0 first=0 stay=0 views=LF shift=0 parts=0
  * pace: one set each period instead of as fast as it goes; jpeg: real pictures instead of random bytes; views: the views of a
  * light field in every set, MJPG, GREY, Y16 (of 12 bits) or Bayer; shift: px that cameras 3, 10, 17 ... are too low;
- * first: index of
+ * parts: after the first set, differences from it alone (with jpeg); first: index of
  * the first set; stay: after an error go on with the next set 20 ms later; the first time that recording is not
  * possible those sets do not count, a minute at most: somebody is about to mend it. */
 #include <errno.h>
@@ -21,6 +21,7 @@
 #include "base/file.h"
 #include "capture/recording/recording.h"
 #include "pipeline/image/codec.h"
+#include "pipeline/image/jpeg_parts.h"
 #include "pipeline/image/raw.h"
 #include "tests/synthetic_sets.h"
 
@@ -31,7 +32,7 @@ static struct {
     { "cameras", 36 },      { "bytes", 40000 }, { "sets", 100 }, { "rate", 10 }, { "sync", 1 }, { "segment_s", 60 },
     { "segment_bytes", 0 }, { "append", 0 },    { "holes", 1 },  { "exact", 0 }, { "pace", 0 }, { "width", 640 },
     { "height", 480 },      { "jpeg", 0 },      { "first", 0 },  { "stay", 0 },
-    { "shift", 0 },
+    { "shift", 0 },         { "parts", 0 },
 };
 static const char *format = "MJPG", *views;
 
@@ -83,6 +84,8 @@ static size_t make_jpeg(struct synthetic *s, int index, int cam, uint8_t *data)
     for (int y = 0; y < s->height; y++) {
         memset(sst_image_row(&img, 0, y), cam * 7 % 256, (size_t)s->width);
         memset(sst_image_row(&img, 2, y), index * 11 % 256, (size_t)s->width);
+        if (option("parts") != 0) /* the right-hand half stands still */
+            memset(sst_image_row(&img, 2, y) + s->width / 2, 0, (size_t)(s->width - s->width / 2));
         for (int x = 0; x < s->width; x++)
             sst_image_row(&img, 1, y)[x] = (uint8_t)(x * 3 + cam);
     }
@@ -96,11 +99,31 @@ static size_t make_jpeg(struct synthetic *s, int index, int cam, uint8_t *data)
     return n;
 }
 
-static void put_pictures(struct synthetic *s, int index, struct sst_frameset *set)
+/* A picture's differences from that of the first set. */
+static size_t cut_parts(struct synthetic *s, int cam, size_t bytes, int64_t base_ns)
+{
+    uint8_t *data = s->data + (size_t)cam * s->bytes, *base = malloc(s->bytes), *parts;
+    struct sst_jpeg_pair pair = { { base, make_jpeg(s, 0, cam, base) }, { data, bytes }, s->width, s->height };
+    size_t n;
+
+    if (sst_jpeg_parts_cut(&pair, base_ns, &parts, &n, NULL) || n > s->bytes)
+        abort();
+    memcpy(data, parts, n);
+    free(parts);
+    free(base);
+    return n;
+}
+
+static void put_pictures(struct synthetic *s, int index, struct sst_frameset *set, int64_t base_ns)
 {
     for (int k = 0; k < s->cameras; k++) {
-        if (set->frame[k])
-            set->frame[k]->bytes = make_jpeg(s, index, k, s->data + (size_t)k * s->bytes);
+        if (!set->frame[k])
+            continue;
+        set->frame[k]->bytes = make_jpeg(s, index, k, s->data + (size_t)k * s->bytes);
+        if (option("parts") != 0 && index > 0) {
+            set->frame[k]->bytes = cut_parts(s, k, set->frame[k]->bytes, base_ns);
+            set->frame[k]->faults |= SST_FRAME_PARTS;
+        }
     }
 }
 
@@ -163,7 +186,7 @@ static int write_sets(struct synthetic *s, const char *dir, bool bench)
     const int first = (int)option("first");
     int n = (int)option("sets"), failed = 0;
     bool went_on = false;
-    int64_t cpu = 0, wall = 0, longest = 0, bytes = 0, due = sst_clock_now_ns();
+    int64_t base_ns = 0, cpu = 0, wall = 0, longest = 0, bytes = 0, due = sst_clock_now_ns();
     struct sst_image *img = NULL;
     struct sst_recorder *r;
     int err;
@@ -180,8 +203,9 @@ static int write_sets(struct synthetic *s, const char *dir, bool bench)
         int64_t c0, t0, took;
 
         synthetic_set(s, (uint64_t)i, &set);
+        base_ns = i == 0 ? set.wall_ns : base_ns;
         if (option("jpeg") != 0)
-            put_pictures(s, i, &set);
+            put_pictures(s, i, &set, base_ns);
         for (int k = 0; img && k < s->cameras; k++) {
             if (set.frame[k])
                 put_view(s, &s->frame[k], &img[k]);
