@@ -420,7 +420,7 @@ check-cluster: deps-cluster $(PROGRAMS) ## shared work on a real Slurm of this m
 	SST_BUILD=$(BUILD) tests/cluster/kills.sh
 
 .PHONY: check-python
-check-python: $(PROGRAMS) ## notebooks whole, and python3-sst on public light fields, about 2 minutes; SHARED=DIR has their folder
+check-python: $(PROGRAMS) $(BUILD)/tests/tools/record_writer ## notebooks whole, and python3-sst on public light fields, about 2 minutes; SHARED=DIR has their folder
 	SST_BUILD=$(BUILD) tests/python/check.sh $(SHARED)
 
 deps-colmap: ## install what check-colmap needs besides

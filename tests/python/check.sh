@@ -18,6 +18,17 @@ TRUTH=$tmp/bush.lf run --lines 15 --check \
 run --check 'wrong < 0.1 and wrong_confirmed < wrong_others' "$root/python/notebooks/maps.ipynb"
 run --check 'picture.image.shape == (240, 320, 3) and status["capture"]["present"] == 36 and service.returncode is not None' "$root/python/notebooks/live.ipynb"
 
+# Mutated files.
+rm -rf bush.lf
+ok scene bush -o bush.lf --size 96x80 --grid 2x2
+ok process bush.lf --preset preview
+ok scene flight -o flight.lf --size 96x80 --grid 1x4
+"$build/sst-sim" --parameters calib.yaml --world "$root/python/notebooks/world.yaml" >/dev/null 2>err || fail "parameters: $(cat err)"
+if [ -x "$build/tests/tools/record_writer" ]; then
+  "$build/tests/tools/record_writer" write rec-parts cameras=3 width=88 height=50 jpeg=1 parts=1 holes=0 sets=5 >/dev/null || fail "rec-parts"
+  "$python" "$root/tests/python/mutate.py" "${FUZZ_SECONDS:-20}" 2>err || fail "mutations: $(cat err)"
+fi
+
 # Public light fields, in both formats that they come in.
 for d in "$shared"/lf-*; do
   [ -d "$d" ] || continue
