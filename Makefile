@@ -32,6 +32,8 @@ WITH_MODBUS ?= $(call have,libmodbus)
 # Still cameras, and their raw files.
 WITH_GPHOTO2 ?= $(call have,libgphoto2)
 WITH_RAW ?= $(call have,libraw_r)
+# Cameras of GigE Vision and USB3 Vision.
+WITH_ARAVIS ?= $(call have,aravis-0.8)
 # Handlers of messages of one file alone came with 4.5.
 WITH_TIFF ?= $(shell $(PKG_CONFIG) --atleast-version=4.5 libtiff-4 2>/dev/null && echo 1 || echo 0)
 WITH_HTTPD ?= $(call have,libmicrohttpd gnutls)
@@ -109,7 +111,7 @@ DEFS := -DSST_VERSION='"$(VERSION)"' -DWITH_OPENCV=$(WITH_OPENCV) -DWITH_AVFORMA
         -DWITH_DNNL=$(WITH_DNNL) -DWITH_UDEV=$(WITH_UDEV) -DWITH_USB=$(WITH_USB) -DWITH_MODBUS=$(WITH_MODBUS) \
         -DWITH_GPIOD=$(WITH_GPIOD) -DWITH_DOGLEG=$(WITH_DOGLEG) -DWITH_DEFLATE=$(WITH_DEFLATE) -DWITH_HTTPD=$(WITH_HTTPD) \
         -DWITH_SYSTEMD=$(WITH_SYSTEMD) -DWITH_RTSP=$(WITH_RTSP) -DWITH_MQTT=$(WITH_MQTT) -DWITH_ONVIF=$(WITH_ONVIF) \
-        -DWITH_CURL=$(WITH_CURL) -DWITH_VULKAN=$(WITH_VULKAN) -DWITH_GPHOTO2=$(WITH_GPHOTO2) -DWITH_RAW=$(WITH_RAW) -DWITH_TIFF=$(WITH_TIFF) -DWITH_ISAL=$(WITH_ISAL) -DWITH_PUSH=$(WITH_PUSH) -DSST_DATADIR='"$(PREFIX)/share/sst"'
+        -DWITH_CURL=$(WITH_CURL) -DWITH_VULKAN=$(WITH_VULKAN) -DWITH_GPHOTO2=$(WITH_GPHOTO2) -DWITH_ARAVIS=$(WITH_ARAVIS) -DWITH_RAW=$(WITH_RAW) -DWITH_TIFF=$(WITH_TIFF) -DWITH_ISAL=$(WITH_ISAL) -DWITH_PUSH=$(WITH_PUSH) -DSST_DATADIR='"$(PREFIX)/share/sst"'
 AV_PACKAGES := $(if $(filter 1,$(WITH_AVFORMAT)),libavformat libavcodec libavutil libswscale)
 PACKAGE_CFLAGS := $(subst -I,-isystem ,$(shell $(PKG_CONFIG) --cflags $(PACKAGES) $(AV_PACKAGES)))
 PACKAGE_LIBS := $(shell $(PKG_CONFIG) --libs $(PACKAGES))
@@ -143,7 +145,7 @@ LEFT_OUT := $(foreach x,AVFORMAT DEFLATE DNNL HTTPD ISAL TIFF UDEV VULKAN,$(if $
             $(if $(filter 1,$(WITH_TIFF)),pipeline/image/tiff_none.c) $(if $(filter 1,$(WITH_UDEV)),drivers/grab/sysfs.c)
 # libsst-video.so
 VIDEO_SRC := pipeline/video/mp4_libav.c pipeline/video/h264_libav.c
-LIB_SRC := $(sort $(filter-out daemon/main.c drivers/still/lib_gphoto.c $(VIDEO_SRC) $(LEFT_OUT),$(wildcard base/*.c config/*.c drivers/*/*.c capture/*/*.c pipeline/*/*.c \
+LIB_SRC := $(sort $(filter-out daemon/main.c drivers/still/lib_gphoto.c drivers/genicam/lib_aravis.c $(VIDEO_SRC) $(LEFT_OUT),$(wildcard base/*.c config/*.c drivers/*/*.c capture/*/*.c pipeline/*/*.c \
            pipeline/*/*/*.c client/*.c daemon/*.c daemon/*/*.c)))
 SHIM_SRC := $(if $(filter 1,$(WITH_OPENCV)),$(sort $(wildcard pipeline/*/*/*.cc)))
 # Simulated worlds, for sst-sim, sst scene, sst demo and the tests; the daemon does not link them.
@@ -170,7 +172,7 @@ LIB_OBJ := $(LIB_SRC:%.c=$(BUILD)/obj/%.o) $(BUILD)/obj/web.o $(BUILD)/obj/spirv
 SHIM_OBJ := $(SHIM_SRC:%.cc=$(BUILD)/obj/%.o)
 # Loaded when first used (base/plugin.h), so that a start of sst does not load OpenCV and FFmpeg.
 PLUGINS := $(if $(SHIM_OBJ),$(BUILD)/libsst-opencv.so) $(if $(filter 1,$(WITH_AVFORMAT)),$(BUILD)/libsst-video.so) \
-           $(if $(filter 1,$(WITH_GPHOTO2)),$(BUILD)/libsst-gphoto.so)
+           $(if $(filter 1,$(WITH_GPHOTO2)),$(BUILD)/libsst-gphoto.so) $(if $(filter 1,$(WITH_ARAVIS)),$(BUILD)/libsst-aravis.so)
 # libsst-read: what its reader needs of these folders is position-independent, here and in the programs.
 READ_SRC := $(filter $(foreach d,base $(addprefix pipeline/,image kernels kernels/x86 kernels/arm camera lightfield lightfield/rectify posed),$(wildcard $(d)/*.c)),$(LIB_SRC))
 READ_OBJ := $(READ_SRC:%.c=$(BUILD)/obj/%.o) $(BUILD)/obj/read/read.o
@@ -288,6 +290,12 @@ $(BUILD)/libsst-read.so.$(VERSION): $(BUILD)/libsst-read.a read/read.map
 	@$(CC) -shared $(filter-out -pie,$(LDFLAGS_ALL)) -Wl,-z,defs -Wl,-soname,libsst-read.so.0 -Wl,--version-script=read/read.map \
 	      $(BUILD)/obj/read/read.o $< $(PACKAGE_LIBS) -lmd -lm -o $@
 	@ln -sf $(@F) $(BUILD)/libsst-read.so.0 && ln -sf libsst-read.so.0 $(BUILD)/libsst-read.so
+# Formats of pixels are known to both.
+ARAVIS_OBJ := $(BUILD)/obj/drivers/genicam/lib_aravis.o $(BUILD)/obj/drivers/genicam/pixels.o
+$(ARAVIS_OBJ): private CFLAGS_ALL += -fPIC $(subst -I,-isystem ,$(shell $(PKG_CONFIG) --cflags aravis-0.8 2>/dev/null))
+$(BUILD)/libsst-aravis.so: $(ARAVIS_OBJ)
+	@echo "  LD   $@"
+	@$(CC) -shared $(filter-out -pie,$(LDFLAGS_ALL)) $^ $(shell $(PKG_CONFIG) --libs aravis-0.8) -lm -o $@
 $(BUILD)/sstd: $(BUILD)/obj/daemon/main.o $(BUILD)/libsst.a
 	@echo "  LD   $@"
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
@@ -569,4 +577,4 @@ help: ## this list
 clean: ## remove what was built
 	rm -rf build build-*
 
--include $(LIB_OBJ:.o=.d) $(BUILD)/obj/read/read.d $(SHIM_OBJ:.o=.d) $(VIDEO_OBJ:.o=.d) $(BUILD)/obj/drivers/still/lib_gphoto.d $(WORLD_OBJ:.o=.d) $(BUILD)/obj/daemon/main.d $(BUILD)/obj/scripts/api_tables.d $(SIM_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(patsubst %.c,$(BUILD)/obj/%.d,$(wildcard tests/guest/*.c tests/tools/*.c tests/fuzz/*.c)) $(wildcard $(BUILD)/obj/tests/bench/*.d) $(HEADERS:%=$(BUILD)/headers/%.d)
+-include $(LIB_OBJ:.o=.d) $(BUILD)/obj/read/read.d $(SHIM_OBJ:.o=.d) $(VIDEO_OBJ:.o=.d) $(BUILD)/obj/drivers/still/lib_gphoto.d $(BUILD)/obj/drivers/genicam/lib_aravis.d $(WORLD_OBJ:.o=.d) $(BUILD)/obj/daemon/main.d $(BUILD)/obj/scripts/api_tables.d $(SIM_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(patsubst %.c,$(BUILD)/obj/%.d,$(wildcard tests/guest/*.c tests/tools/*.c tests/fuzz/*.c)) $(wildcard $(BUILD)/obj/tests/bench/*.d) $(HEADERS:%=$(BUILD)/headers/%.d)

@@ -16,7 +16,7 @@ static const struct {
     { "onednn", WITH_DNNL },        { "opencv", WITH_OPENCV },      { "libavformat", WITH_AVFORMAT },
     { "libudev", WITH_UDEV },       { "libusb", WITH_USB },         { "libmodbus", WITH_MODBUS },
     { "libgpiod", WITH_GPIOD > 0 }, { "libdogleg", WITH_DOGLEG },   { "libcurl", WITH_CURL },      { "push", WITH_PUSH },
-    { "vulkan", WITH_VULKAN },      { "libdeflate", WITH_DEFLATE }, { "libgphoto2", WITH_GPHOTO2 },
+    { "vulkan", WITH_VULKAN },      { "libdeflate", WITH_DEFLATE }, { "libgphoto2", WITH_GPHOTO2 }, { "aravis", WITH_ARAVIS },
     { "libraw", WITH_RAW },         { "isa-l", WITH_ISAL },         { "libtiff", WITH_TIFF },
 };
 

@@ -6,8 +6,9 @@
 
 #include "config/config_internal.h"
 
-const char *const sst_format_names[8] = { "MJPEG", "YUYV", "GREY", "Y16", "BGGR8", "GBRG8", "GRBG8", "RGGB8" };
-static const char format_codes[8][5] = { "MJPG", "YUYV", "GREY", "Y16 ", "BA81", "GBRG", "GRBG", "RGGB" };
+const char *const sst_format_names[SST_FORMATS] = { "MJPEG", "YUYV",  "GREY",  "Y16",  "BGGR8",
+                                                     "GBRG8", "GRBG8", "RGGB8", "RGB24" };
+static const char format_codes[SST_FORMATS][5] = { "MJPG", "YUYV", "GREY", "Y16 ", "BA81", "GBRG", "GRBG", "RGGB", "RGB3" };
 
 static uint32_t fourcc_of(const char code[5])
 {
@@ -28,6 +29,23 @@ const char *sst_array_format_name(uint32_t fourcc)
         if (fourcc_of(format_codes[i]) == fourcc)
             return sst_format_names[i];
     return NULL;
+}
+
+int sst_array_count(const struct sst_array_config *cfg, enum sst_config_kind kind)
+{
+    int n = 0;
+
+    for (int i = 0; i < cfg->bound; i++)
+        n += cfg->camera[i].kind == kind;
+    return n;
+}
+
+bool sst_array_triggered(const struct sst_array_config *cfg)
+{
+    if (cfg->role == SST_CONFIG_HEAD || cfg->source == SST_CONFIG_GPIO || cfg->source == SST_CONFIG_EXTERNAL)
+        return true;
+    return cfg->source == SST_CONFIG_SOFTWARE && cfg->bound && !sst_array_count(cfg, SST_CONFIG_V4L2) &&
+           (cfg->genicam.trigger == SST_CONFIG_COMMAND || cfg->genicam.trigger == SST_CONFIG_ACTION);
 }
 
 void sst_array_config_defaults(struct sst_array_config *cfg)

@@ -18,6 +18,20 @@ enum sst_config_source {
     SST_CONFIG_EXTERNAL = 3, /* edges of another host's trigger on the input `loopback` */
 };
 
+/** Driver of a camera. */
+enum sst_config_kind {
+    SST_CONFIG_V4L2 = 0,
+    SST_CONFIG_GENICAM = 1, /* GigE Vision, USB3 Vision */
+};
+
+/** Start of an exposure of GenICam cameras, at the array's trigger. */
+enum sst_config_genicam {
+    SST_CONFIG_WIRE = 0,
+    SST_CONFIG_COMMAND = 1, /* of the camera's own software trigger */
+    SST_CONFIG_ACTION = 2,  /* one datagram for all */
+    SST_CONFIG_NONE = 3,    /* they run on their own */
+};
+
 /** Files of a still camera. */
 enum sst_config_files {
     SST_CONFIG_JPEG = 0,
@@ -42,7 +56,8 @@ enum sst_config_role {
 
 struct sst_config_camera {
     int row, col;
-    char serial[64], port[64]; /* either one */
+    enum sst_config_kind kind;
+    char serial[64], port[64]; /* either one; of a GenICam camera its serial or Vendor-Model-Serial, and its address */
     int node;                  /* which of its video nodes, from 1; 0: the first that fits */
     int line;                  /* index of the trigger line that exposes it */
 };
@@ -74,6 +89,15 @@ struct sst_array_config {
     bool active_low;
     int pulse_us;
     double trigger_hz;
+    struct { /* genicam: */
+        enum sst_config_genicam trigger;
+        char line[64], pixel_format[64];
+        double exposure_us, gain; /* 0 and NaN: unchanged */
+        int packet_bytes, packet_delay_ns;
+        bool resend, ptp;
+        int device_key, group_key, group_mask, action_delay_us;
+        char action_address[64];
+    } genicam;
     /* sets: */
     int window_us; /* a frame within this time of the trigger (plus delay) belongs to it; 0: 0.4 of the period */
     int wait_ms;   /* a set closes this long after its trigger, complete or not; 0: 2.5 periods, at least 250 ms */
@@ -104,11 +128,11 @@ struct sst_array_config {
     } hosts;
 };
 
-/** One trigger exposes all cameras: of this host, or of all hosts. */
-static inline bool sst_array_triggered(const struct sst_array_config *cfg)
-{
-    return cfg->role == SST_CONFIG_HEAD || cfg->source == SST_CONFIG_GPIO || cfg->source == SST_CONFIG_EXTERNAL;
-}
+/** Number of bound cameras of a kind. */
+int sst_array_count(const struct sst_array_config *cfg, enum sst_config_kind kind);
+
+/** One trigger exposes all cameras: of this host, or of all hosts. Timer ticks expose only GenICam cameras. */
+bool sst_array_triggered(const struct sst_array_config *cfg);
 
 /** Sets per second, as configured. */
 static inline double sst_array_sets_hz(const struct sst_array_config *cfg)

@@ -72,6 +72,32 @@ static void check_twice(const struct config_place *p, const struct sst_yaml_node
     }
 }
 
+/* Formats that GenICam cameras have, and the source of their trigger. */
+static void check_genicam(const struct config_load *load)
+{
+    const struct sst_array_config *a = &load->cfg->array;
+    const char *format = sst_array_format_name(a->fourcc);
+    const bool gpio = a->source == SST_CONFIG_GPIO || a->source == SST_CONFIG_EXTERNAL;
+
+    if (!sst_array_count(a, SST_CONFIG_GENICAM))
+        return;
+    if (format && (!strcmp(format, "MJPEG") || !strcmp(format, "YUYV")))
+        fault(source(load, "cameras.format", "cameras.bind"), NULL,
+              "%s is no format of GenICam cameras; set GREY, Y16, RGB24, RGGB8, GRBG8, GBRG8 or BGGR8", format);
+    if (a->source == SST_CONFIG_SOFTWARE && a->genicam.trigger == SST_CONFIG_WIRE)
+        fault(source(load, "genicam.trigger", "trigger.source"), NULL,
+              "wire needs pulses, but trigger: source software has none: set genicam: trigger to software, action or "
+              "none, or trigger: source to gpio or external");
+    if (a->source == SST_CONFIG_SOFTWARE && a->genicam.trigger != SST_CONFIG_NONE && !gpio &&
+        sst_array_count(a, SST_CONFIG_V4L2))
+        fault(source(load, "genicam.trigger", "trigger.source"), NULL,
+              "timer ticks cannot expose V4L2 cameras: set trigger: source gpio to expose both kinds together, or "
+              "genicam: trigger none");
+    if (a->genicam.action_delay_us && !a->genicam.ptp)
+        fault(source(load, "genicam.action_delay_us", NULL), NULL,
+              "needs genicam: ptp: true, the clock by which cameras execute scheduled actions");
+}
+
 static void check_bind(struct config_load *load)
 {
     const struct config_place *p = source(load, "cameras.bind", NULL);
@@ -92,7 +118,9 @@ static void check_bind(struct config_load *load)
             fault(p, n, "has row %d, but rows are 0..%d", c->row, a->rows - 1);
         if (c->col >= a->cols)
             fault(p, n, "has col %d, but columns are 0..%d", c->col, a->cols - 1);
-        if (!c->serial[0] == !c->port[0])
+        if (c->kind == SST_CONFIG_GENICAM && !c->serial[0] && !c->port[0])
+            fault(p, n, "needs the camera's serial, or its address as port (sst cameras lists them)");
+        if (c->kind == SST_CONFIG_V4L2 && !c->serial[0] == !c->port[0])
             fault(p, n, "needs either the camera's serial or its port (sst cameras lists them)");
         if (line && *line->text)
             c->line = line_index(a, line->text);
@@ -178,6 +206,7 @@ void config_check_array(struct config_load *load)
               "external needs trigger: loopback, the input on which the edges come (gpioinfo lists lines)");
     check_lengths(load);
     check_bind(load);
+    check_genicam(load);
     check_rig(load);
     check_hosts(load);
 }
@@ -417,10 +446,11 @@ static double array_rate(const struct sst_array_config *a, double jpeg_bytes)
 {
     const char *format = sst_array_format_name(a->fourcc);
     const bool jpeg = format && !strcmp(format, "MJPEG"),
-               two = format && (!strcmp(format, "YUYV") || !strcmp(format, "Y16"));
+               two = format && (!strcmp(format, "YUYV") || !strcmp(format, "Y16")),
+               rgb = format && !strcmp(format, "RGB24");
     const double hz = sst_array_sets_hz(a);
 
-    return (a->bound ? a->bound : a->rows * a->cols) * hz * a->width * a->height * (jpeg ? jpeg_bytes : two ? 2 : 1);
+    return (a->bound ? a->bound : a->rows * a->cols) * hz * a->width * a->height * (jpeg ? jpeg_bytes : two ? 2 : rgb ? 3 : 1);
 }
 
 /* Cameras that stand anywhere: no lattice, no labels, no visits. */

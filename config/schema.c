@@ -26,6 +26,8 @@ static const char *const reduced[] = { "off", "view", "changed", "sets", "tiles"
 static const char *const methods[] = { "refocus", "sst", "clear" };
 static const char *const codecs[] = { "h264", "mjpeg" };
 static const char *const still_files[] = { "jpeg", "raw", "raw+jpeg" };
+static const char *const kinds[] = { "v4l2", "genicam" };
+static const char *const genicam_triggers[] = { "wire", "software", "action", "none" };
 static const char *const focuses[] = { "leave", "manual", "locked" };
 
 const char *const sst_event_types[] = {
@@ -39,6 +41,7 @@ const int sst_event_types_count = (int)ARRAY_LEN(sst_event_types);
 static const struct sst_key bind_keys[] = {
     { FIELD(struct sst_config_camera, row, INT, NULL), RANGE(0, SST_CAMERAS_MAX - 1) },
     { FIELD(struct sst_config_camera, col, INT, NULL), RANGE(0, SST_CAMERAS_MAX - 1) },
+    { FIELD(struct sst_config_camera, kind, CHOICE, "v4l2"), CHOICE(kinds) },
     { FIELD(struct sst_config_camera, serial, TEXT, "") },
     { FIELD(struct sst_config_camera, port, TEXT, "") },
     { FIELD(struct sst_config_camera, node, INT, "0"), RANGE(0, 64) },
@@ -102,6 +105,22 @@ static const struct sst_key keys[] = {
       STRIDE(array.control) },
     { KEY("cameras", "bind", LIST, array.camera, "[]", CAMERAS), COUNT(array.bound), STRIDE(array.camera),
       FIELDS(bind_keys) },
+
+    { KEY("genicam", "trigger", CHOICE, array.genicam.trigger, "wire", CAMERAS), CHOICE(genicam_triggers) },
+    { KEY("genicam", "line", TEXT, array.genicam.line, "Line0", CAMERAS) },
+    { KEY("genicam", "pixel_format", TEXT, array.genicam.pixel_format, "", CAMERAS) },
+    { KEY("genicam", "exposure_us", DOUBLE, array.genicam.exposure_us, "0", CAMERAS), RANGE(0, 1e8) },
+    { KEY("genicam", "gain", DOUBLE, array.genicam.gain, "unchanged", CAMERAS), RANGE(-1000, 100000),
+      WORD("unchanged", NAN) },
+    { KEY("genicam", "packet_bytes", INT, array.genicam.packet_bytes, "0", CAMERAS), RANGE(0, 16384) },
+    { KEY("genicam", "packet_delay_ns", INT, array.genicam.packet_delay_ns, "0", CAMERAS), RANGE(0, 10000000) },
+    { KEY("genicam", "resend", BOOL, array.genicam.resend, "true", CAMERAS) },
+    { KEY("genicam", "ptp", BOOL, array.genicam.ptp, "false", CAMERAS) },
+    { KEY("genicam", "device_key", INT, array.genicam.device_key, "1", CAMERAS), RANGE(0, 2147483647) },
+    { KEY("genicam", "group_key", INT, array.genicam.group_key, "1", CAMERAS), RANGE(0, 2147483647) },
+    { KEY("genicam", "group_mask", INT, array.genicam.group_mask, "1", CAMERAS), RANGE(1, 2147483647) },
+    { KEY("genicam", "action_address", TEXT, array.genicam.action_address, "255.255.255.255", CAMERAS), KIND(ADDRESS) },
+    { KEY("genicam", "action_delay_us", INT, array.genicam.action_delay_us, "0", CAMERAS), RANGE(0, 1000000) },
 
     { KEY("trigger", "source", CHOICE, array.source, "free-run", CAMERAS), CHOICE(sources) },
     { KEY("trigger", "chip", TEXT, array.chip, "", CAMERAS) },
@@ -310,7 +329,7 @@ int sst_schema_index(const char *dotted)
 
 bool sst_key_of_array(const struct sst_key *key)
 {
-    static const char *const sections[] = { "array", "cameras", "trigger", "sets", "rig", "still", "hosts" };
+    static const char *const sections[] = { "array", "cameras", "genicam", "trigger", "sets", "rig", "still", "hosts" };
 
     for (size_t i = 0; i < ARRAY_LEN(sections); i++)
         if (!strcmp(key->section, sections[i]))

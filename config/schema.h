@@ -57,7 +57,7 @@ struct sst_key {
     bool switches; /* setting or removing the text needs a restart, whatever `reload` is for other changes */
 };
 
-#define SST_CONFIG_KEYS_MAX 192 /* keys at most */
+#define SST_CONFIG_KEYS_MAX 224 /* keys at most */
 
 /** All keys in the order of the file, grouped by section. */
 const struct sst_key *sst_schema(int *count);
@@ -73,7 +73,8 @@ extern const char *const sst_event_types[];
 extern const int sst_event_types_count;
 
 /** Names of the pixel formats that the pipeline reads, as in v4l2-ctl. */
-extern const char *const sst_format_names[8];
+#define SST_FORMATS 9
+extern const char *const sst_format_names[SST_FORMATS];
 
 /** Maximum size of a value as text: 16 arguments of 255 bytes with quotes and escapes. */
 #define SST_KEY_TEXT_MAX 16384

@@ -38,7 +38,7 @@ put 755 "$BUILD/sst" "$p/bin/sst"
 put 755 "$BUILD/sstd" "$p/sbin/sstd"
 put 755 "$BUILD/sst-sim" "$p/bin/sst-sim"
 put 644 "$BUILD/libsst-sim-preload.so" "$p/lib/libsst-sim-preload.so"
-for f in opencv video gphoto; do [ ! -e "$BUILD/libsst-$f.so" ] || put 644 "$BUILD/libsst-$f.so" "$p/lib/libsst-$f.so"; done
+for f in opencv video gphoto aravis; do [ ! -e "$BUILD/libsst-$f.so" ] || put 644 "$BUILD/libsst-$f.so" "$p/lib/libsst-$f.so"; done
 for f in config/profiles/*.yaml; do put 644 "$f" "$p/share/sst/profiles/${f##*/}"; done
 for f in models/*.onnx models/manifest.json; do put 644 "$f" "$p/share/sst/$f"; done
 for f in docs/man/*.[1-8]; do put 644 "$f" "$p/share/man/man${f##*.}/${f##*/}"; done

@@ -7,6 +7,8 @@
 
 #include "capture/array/frame_sync.h"
 #include "capture/array/source.h"
+#include "config/array.h"
+#include "drivers/genicam/genicam.h"
 
 /** A fault has ended after this number of consecutive sets with a good frame of the camera and without the fault ... */
 #define SST_HEALTH_SETS 20
@@ -60,7 +62,25 @@ void health_set(struct health *h, int cam);
  */
 int health_log(struct health *h, int cameras, const char (*name)[SST_HEALTH_NAME]);
 
-/** The cameras of this host, a struct sst_grab; without `start`. */
-extern const struct sst_source_ops grab_source_ops;
+/* --- cameras of this host, of all kinds --------------------------------------------------------------------------- */
+
+struct cameras; /* opaque */
+
+/** Open all cameras of the configuration, as sst_grab_open(); `cam` of events is the index in it. @return 0 or -errno,
+ * logged */
+SST_MUST_CHECK int cameras_open(struct cameras **out, const struct sst_array_config *array,
+                                const struct sst_grab_events *events);
+/** As sst_grab_start(). @return 0 or -errno */
+SST_MUST_CHECK int cameras_start(struct cameras *cameras);
+/** A trigger was fired: expose cameras that wait for a command.  Thread: any; does not wait. */
+void cameras_fire(struct cameras *cameras, int64_t t_ns);
+/** As sst_grab_expect(). */
+void cameras_expect(struct cameras *cameras, int64_t t_ns);
+/** @return false: no clock of its own */
+bool cameras_ptp(const struct cameras *cameras, int cam, struct sst_genicam_ptp *out);
+void cameras_close(struct cameras *cameras);
+
+/** A struct cameras; without `start`. */
+extern const struct sst_source_ops cameras_source_ops;
 
 #endif

@@ -30,7 +30,7 @@ struct sst_capture {
     struct sst_capture_events events;
     bool owned;               /* the source is the cameras of this host */
     struct sst_source source; /* ops NULL until it is open */
-    struct sst_grab *grab;    /* the source; NULL: another one */
+    struct cameras *cameras;  /* the source; NULL: another one */
     struct sst_trigger *trigger;
     struct sst_framesync *sets;
     int wake_fd; /* eventfd: edges, stop */
@@ -145,7 +145,7 @@ static void on_release(void *arg, struct sst_frame *frame, enum sst_bucket bucke
     struct sst_capture *c = arg;
 
     if (bucket != SST_BUCKET_SET && bucket != SST_BUCKET_DROPPED && !c->starting &&
-        c->array->source != SST_CONFIG_SOFTWARE)
+        (c->array->source != SST_CONFIG_SOFTWARE || sst_array_triggered(c->array)))
         health_bucket(&c->health, frame, bucket); /* timer ticks leave most frames stray */
     c->source.ops->release(c->source.object, frame);
 }
@@ -192,12 +192,20 @@ static void on_state(void *arg, int cam, enum sst_grab_state state, const char *
         c->events.camera(c->events.arg, cam, state, why);
 }
 
+static int64_t edge_ns(const struct sst_trigger_edge *edge)
+{
+    return edge->kernel_ns ? edge->kernel_ns : edge->before_ns + (edge->after_ns - edge->before_ns) / 2;
+}
+
 /* Thread: the trigger's. */
 static void on_edge(void *arg, const struct sst_trigger_edge *edge)
 {
     struct sst_capture *c = arg;
     bool full;
 
+    /* At once, and before the set is known: these cameras are exposed by it. */
+    if (c->cameras)
+        cameras_fire(c->cameras, edge_ns(edge));
     pthread_mutex_lock(&c->lock);
     full = c->edge_count == EDGES;
     if (!full)
@@ -231,11 +239,11 @@ static void process_edges(struct sst_capture *c)
         pthread_mutex_unlock(&c->lock);
         if (!any)
             return;
-        t_ns = edge.kernel_ns ? edge.kernel_ns : edge.before_ns + (edge.after_ns - edge.before_ns) / 2;
+        t_ns = edge_ns(&edge);
         c->report.edges++;
         c->report.edges_stamped += edge.kernel_ns != 0;
         sst_framesync_trigger(c->sets, edge.index, t_ns, edge.kernel_ns != 0);
-        sst_grab_expect(c->grab, t_ns);
+        cameras_expect(c->cameras, t_ns);
     }
 }
 
@@ -315,31 +323,16 @@ static int open_sets(struct sst_capture *c)
     return sst_framesync_create(&c->sets, &cfg, &events);
 }
 
-static int open_grab(struct sst_capture *c)
+static int open_cameras(struct sst_capture *c)
 {
-    if (!c->owned)
-        return 0;
-
-    const struct sst_array_config *a = c->array;
     const struct sst_grab_events events = { .arg = c, .frame = on_frame, .state = on_state };
-    struct sst_grab_binding *bindings = calloc((size_t)a->bound, sizeof(*bindings));
-    struct sst_grab_config cfg;
     int err;
 
-    if (!bindings)
-        return -ENOMEM;
-    sst_capture_grab_config(&cfg, a);
-    for (int i = 0; i < a->bound; i++) {
-        memcpy(bindings[i].serial, a->camera[i].serial, sizeof(bindings[i].serial));
-        memcpy(bindings[i].port, a->camera[i].port, sizeof(bindings[i].port));
-        bindings[i].node = a->camera[i].node;
-    }
-    cfg.cameras = a->bound;
-    cfg.bindings = bindings;
-    err = sst_grab_open(&c->grab, &cfg, &events);
+    if (!c->owned)
+        return 0;
+    err = cameras_open(&c->cameras, c->array, &events);
     if (!err)
-        c->source = (struct sst_source){ &grab_source_ops, c->grab };
-    free(bindings);
+        c->source = (struct sst_source){ &cameras_source_ops, c->cameras };
     return err;
 }
 
@@ -414,7 +407,7 @@ int sst_capture_open_source(struct sst_capture **out, struct sst_array_config *a
     name_cameras(c);
     err = err ? err : open_sets(c);
     err = err ? err : open_trigger(c);
-    err = err ? err : open_grab(c);
+    err = err ? err : open_cameras(c);
     if (!err) {
         err = -pthread_create(&c->writer, NULL, write_sets, c);
         c->writer_runs = !err;
@@ -441,7 +434,7 @@ static int ready_cameras(const struct sst_capture *c)
     int n = 0;
 
     for (int i = 0; i < c->array->bound; i++)
-        n += sst_grab_camera_state(c->grab, i) == SST_GRAB_STREAMING &&
+        n += c->source.ops->state(c->source.object, i) == SST_GRAB_STREAMING &&
              (sst_array_triggered(c->array) || c->came[i]);
     return n;
 }
@@ -452,14 +445,17 @@ static int start_cameras(struct sst_capture *c)
     const struct sst_source_events events = { .arg = c, .trigger = on_trigger, .frame = on_placed, .state = on_state };
 
     const int64_t until_ns = sst_clock_now_ns() + (int64_t)START_WAIT_MS * 1000000;
-    int err = c->owned ? sst_grab_start(c->grab) : c->source.ops->start(c->source.object, &events);
+    int err = c->owned ? cameras_start(c->cameras) : c->source.ops->start(c->source.object, &events);
 
     if (!c->owned) /* its cameras may come at any time */
         return err;
 
     c->starting = true;
     while (err >= 0 && ready_cameras(c) < c->array->bound && sst_clock_now_ns() < until_ns && !c->stop) {
-        err = sst_grab_poll(c->grab, 50);
+        struct pollfd fd = { .fd = c->source.ops->fd(c->source.object), .events = POLLIN };
+
+        (void)poll(&fd, 1, 50);
+        err = c->source.ops->poll(c->source.object);
         sst_framesync_tick(c->sets, sst_clock_now_ns());
     }
     if (c->array->source == SST_CONFIG_FREE_RUN)
@@ -613,6 +609,8 @@ void sst_capture_report(const struct sst_capture *capture, struct sst_capture_re
         out->grab.io_errors += n.io_errors;
         for (size_t i = 0; i < ARRAY_LEN(n.fault); i++)
             out->grab.fault[i] += n.fault[i];
+        out->grab.packets_missing += n.packets_missing;
+        out->grab.packets_resent += n.packets_resent;
         out->grab.lost_devices += n.lost_devices;
         out->grab.found_devices += n.found_devices;
         for (int i = 0; i < SST_GRAB_RUNGS; i++)
@@ -636,6 +634,11 @@ void sst_capture_camera(const struct sst_capture *c, int cam, struct sst_grab_co
     *device = c->source.ops->device(c->source.object, cam);
 }
 
+bool sst_capture_ptp(const struct sst_capture *c, int cam, struct sst_genicam_ptp *out)
+{
+    return c->cameras && cameras_ptp(c->cameras, cam, out);
+}
+
 void sst_capture_close(struct sst_capture *c)
 {
     if (!c)
@@ -644,7 +647,7 @@ void sst_capture_close(struct sst_capture *c)
     if (c->sets)
         sst_framesync_flush(c->sets);
     end_writer(c);
-    sst_grab_close(c->grab);
+    cameras_close(c->cameras);
     sst_framesync_destroy(c->sets);
     if (c->wake_fd >= 0)
         close(c->wake_fd);

@@ -7,6 +7,7 @@
 #include "capture/array/frame_sync.h"
 #include "capture/array/source.h"
 #include "config/array.h"
+#include "drivers/genicam/genicam.h"
 #include "drivers/grab/grab.h"
 #include "drivers/trigger/trigger.h"
 
@@ -68,6 +69,9 @@ void sst_capture_report(const struct sst_capture *capture, struct sst_capture_re
 /** Counters and device of one camera. */
 void sst_capture_camera(const struct sst_capture *capture, int cam, struct sst_grab_counters *grab,
                         const struct sst_grab_device **device);
+
+/** Clock of a GenICam camera by PTP. @return false: it is of another kind */
+bool sst_capture_ptp(const struct sst_capture *capture, int cam, struct sst_genicam_ptp *out);
 
 /** Settings of the cameras in an array's configuration, without bindings. */
 void sst_capture_grab_config(struct sst_grab_config *cfg, const struct sst_array_config *array);

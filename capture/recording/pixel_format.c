@@ -12,6 +12,7 @@ bool sst_recording_format_known(uint32_t fourcc)
     case V4L2_PIX_FMT_YUYV:
     case V4L2_PIX_FMT_GREY:
     case V4L2_PIX_FMT_Y16:
+    case V4L2_PIX_FMT_RGB24:
     case V4L2_PIX_FMT_SBGGR8:
     case V4L2_PIX_FMT_SGBRG8:
     case V4L2_PIX_FMT_SGRBG8:

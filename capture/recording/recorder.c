@@ -77,7 +77,7 @@ static int check_config(const struct sst_recorder_config *cfg)
         }
     }
     if (!fault && !sst_recording_format_known(cfg->fourcc)) {
-        sst_log_error("frames of format %s cannot be recorded; set MJPG, YUYV, GREY, Y16 or 8-bit Bayer", format);
+        sst_log_error("frames of format %s cannot be recorded; set MJPG, YUYV, GREY, Y16, RGB24 or 8-bit Bayer", format);
         return -EINVAL;
     }
     if (fault)

@@ -4,7 +4,7 @@
 
 #include "capture/array/frame_sync.h"
 
-/** Can frames of this V4L2 format be recorded? MJPG, JPEG, YUYV, GREY, Y16 and 8-bit Bayer are. */
+/** Can frames of this V4L2 format be recorded? MJPG, JPEG, YUYV, GREY, Y16, RGB24 and 8-bit Bayer are. */
 bool sst_recording_format_known(uint32_t fourcc);
 
 /** "MJPG", "Y16" ... (without trailing blanks; '?' for unprintable bytes), and the inverse; 0: not 1 to 4 letters. */

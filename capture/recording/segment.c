@@ -25,7 +25,7 @@ static const struct {
     { V4L2_PIX_FMT_YUYV, AV_PIX_FMT_YUYV422 },       { V4L2_PIX_FMT_GREY, AV_PIX_FMT_GRAY8 },
     { V4L2_PIX_FMT_Y16, AV_PIX_FMT_GRAY16LE },       { V4L2_PIX_FMT_SBGGR8, AV_PIX_FMT_BAYER_BGGR8 },
     { V4L2_PIX_FMT_SGBRG8, AV_PIX_FMT_BAYER_GBRG8 }, { V4L2_PIX_FMT_SGRBG8, AV_PIX_FMT_BAYER_GRBG8 },
-    { V4L2_PIX_FMT_SRGGB8, AV_PIX_FMT_BAYER_RGGB8 },
+    { V4L2_PIX_FMT_SRGGB8, AV_PIX_FMT_BAYER_RGGB8 }, { V4L2_PIX_FMT_RGB24, AV_PIX_FMT_RGB24 },
 };
 
 /* --- bytes out ---------------------------------------------------------------------------------------------------- */

@@ -101,6 +101,7 @@ struct sst_grab_counters {
     uint64_t fault[8];          /* by bit of sst_frame_fault */
     uint64_t io_errors;         /* DQBUF calls that failed with EIO while streaming continued */
     uint64_t lost_devices, found_devices, rung[SST_GRAB_RUNGS];
+    uint64_t packets_missing, packets_resent; /* of a network camera: of incomplete frames, and requested again */
 };
 
 struct sst_grab_events {
@@ -142,6 +143,9 @@ void sst_grab_release(struct sst_grab *grab, struct sst_frame *frame);
 enum sst_grab_state sst_grab_camera_state(const struct sst_grab *grab, int cam);
 const struct sst_grab_device *sst_grab_camera_device(const struct sst_grab *grab, int cam); /* last known */
 void sst_grab_counters(const struct sst_grab *grab, int cam, struct sst_grab_counters *out);
+
+/** FNV-like hash of whole frames, 32 bytes per step: frames of equal hash count as identical. */
+uint64_t sst_grab_hash(const uint8_t *data, size_t bytes);
 
 /** Stops within 2 s even if devices hang. All frames must have been released before. NULL is fine. */
 void sst_grab_close(struct sst_grab *grab);

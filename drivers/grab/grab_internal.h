@@ -467,9 +467,6 @@ size_t raw_bytes(uint32_t fourcc, int width, int height, size_t stride);
 /** Four characters as in v4l2-ctl; unprintable ones become dots. */
 void fourcc_name(char out[5], uint32_t fourcc);
 
-/** FNV-like hash of whole frames, 32 bytes per step: frames of equal hash count as identical. */
-uint64_t frame_hash(const uint8_t *data, size_t bytes);
-
 /* --- text: builds messages piece by piece --- */
 
 /** Append to a string in a buffer of `size`, truncated to fit. */

@@ -59,7 +59,7 @@ void fourcc_name(char out[5], uint32_t fourcc)
 /* Each lane is a chain of bijections of its words: frames that differ in one word never have the same hash. */
 #define LANES 4
 
-uint64_t frame_hash(const uint8_t *data, size_t bytes)
+uint64_t sst_grab_hash(const uint8_t *data, size_t bytes)
 {
     const uint64_t k = UINT64_C(0x9e3779b97f4a7c15);
     uint64_t lane[LANES] = { 1, 2, 3, 4 }, last[LANES] = { 0 }, hash = bytes;

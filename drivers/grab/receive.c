@@ -40,7 +40,7 @@ static uint32_t lost_between(uint32_t before, uint32_t now)
 static void compare(struct sst_grab *g, struct grab_camera *cam, struct sst_frame *f)
 {
     struct history *h = &cam->history;
-    const uint64_t hash = g->cfg.check_frozen ? frame_hash(f->data, f->bytes) : 0;
+    const uint64_t hash = g->cfg.check_frozen ? sst_grab_hash(f->data, f->bytes) : 0;
 
     if (h->any) {
         f->lost_before = lost_between(h->sequence, f->sequence);

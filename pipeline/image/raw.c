@@ -17,7 +17,11 @@
 
 static size_t row_bytes(const struct sst_raw *raw)
 {
-    return (size_t)raw->width * (raw->fourcc == V4L2_PIX_FMT_Y16 || raw->fourcc == V4L2_PIX_FMT_YUYV ? 2 : 1);
+    const int bytes = raw->fourcc == V4L2_PIX_FMT_RGB24                                         ? 3
+                      : raw->fourcc == V4L2_PIX_FMT_Y16 || raw->fourcc == V4L2_PIX_FMT_YUYV ? 2
+                                                                                                : 1;
+
+    return (size_t)raw->width * (size_t)bytes;
 }
 
 static size_t stride_of(const struct sst_raw *raw)
@@ -145,14 +149,22 @@ static void grey_row(struct sst_image *img, int y, struct sst_rect part, const u
             sst_image_row(img, c, y)[x] = row[x * bytes + bytes - 1];
 }
 
+static void rgb_row(struct sst_image *img, int y, struct sst_rect part, const uint8_t *row)
+{
+    for (int c = 0; c < 3; c++)
+        for (int x = part.x0; x < part.x1; x++)
+            sst_image_row(img, c, y)[x] = row[3 * x + c];
+}
+
 int sst_raw_part(struct sst_image *img, const struct sst_raw *raw, struct sst_rect part)
 {
+    const bool rgb = raw->fourcc == V4L2_PIX_FMT_RGB24;
     const int grey = raw->fourcc == V4L2_PIX_FMT_GREY ? 1 : raw->fourcc == V4L2_PIX_FMT_Y16 ? 2 : 0;
     const size_t stride = stride_of(raw);
     int red[2] = { 0, 0 };
     const bool bayer = sst_raw_red(raw->fourcc, &red[0], &red[1]);
 
-    if (!bayer && !grey && raw->fourcc != V4L2_PIX_FMT_YUYV)
+    if (!bayer && !grey && !rgb && raw->fourcc != V4L2_PIX_FMT_YUYV)
         return -EINVAL;
     if (check(raw) || img->width != raw->width || img->height != raw->height)
         return -EBADMSG;
@@ -161,6 +173,8 @@ int sst_raw_part(struct sst_image *img, const struct sst_raw *raw, struct sst_re
 
         if (grey)
             grey_row(img, y, part, row, grey);
+        else if (rgb)
+            rgb_row(img, y, part, row);
         else if (!bayer)
             yuyv_row(img, y, part.x0, part.x1, row);
         for (int x = part.x0; bayer && x < part.x1; x++)

@@ -8,7 +8,7 @@
 
 /** A frame as V4L2 describes it: uncompressed, unless a function says that it may be a JPEG. */
 struct sst_raw {
-    uint32_t fourcc; /* V4L2: GREY, Y16, YUYV, BA81, GBRG, GRBG, RGGB; MJPG, JPEG */
+    uint32_t fourcc; /* V4L2: GREY, Y16, YUYV, RGB3, BA81, GBRG, GRBG, RGGB; MJPG, JPEG */
     int width, height;
     size_t stride; /* bytes; 0: rows without padding */
     const uint8_t *data;
@@ -16,7 +16,7 @@ struct sst_raw {
 };
 
 /**
- * Write a frame as PNG: GREY and Y16 unchanged (8 and 16 bits), YUYV and Bayer as converted by sst_raw_to_image().
+ * Write a frame as PNG: GREY and Y16 unchanged (8 and 16 bits), YUYV, RGB and Bayer as converted by sst_raw_to_image().
  * @return 0, -EINVAL (format), -EBADMSG (fewer bytes than the size needs; an odd width of YUYV), or a writer's error;
  * logged.
  */

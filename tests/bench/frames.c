@@ -85,7 +85,7 @@ int main(int argc, char **argv)
     report("marker walk", begin, bytes);
     begin = sst_clock_now_ns();
     for (int i = 0; i < FRAMES * ROUNDS; i++)
-        sink += frame_hash(frames + (size_t)(i % FRAMES) * bytes, bytes);
+        sink += sst_grab_hash(frames + (size_t)(i % FRAMES) * bytes, bytes);
     report("hash", begin, bytes);
     begin = sst_clock_now_ns();
     for (int i = 0; i < FRAMES * ROUNDS; i++) {
