@@ -318,8 +318,16 @@ static int open_sets(struct sst_capture *c)
         cfg.wait_ns = 3 * cfg.period_ns > SOURCE_WAIT_NS ? 3 * cfg.period_ns : SOURCE_WAIT_NS;
     if (cfg.match == SST_FRAMESYNC_NEAREST && !cfg.window_ns)
         cfg.window_ns = (int64_t)(0.6e9 / a->rate_hz); /* half a period of the cameras, and some jitter */
-    for (int i = 0; i < a->bound && a->lines; i++)
-        cfg.delay_ns[i] = (int64_t)a->delay_us[a->camera[i].line] * 1000;
+    for (int i = 0; i < a->bound; i++) {
+        const bool scheduled = a->genicam.trigger == SST_CONFIG_ACTION && a->genicam.action_delay_us;
+
+        if (a->camera[i].kind == SST_CONFIG_GENICAM && a->genicam.trigger != SST_CONFIG_WIRE) {
+            cfg.commanded[i] = cfg.match == SST_FRAMESYNC_EDGE && a->genicam.trigger != SST_CONFIG_NONE && !scheduled;
+            cfg.delay_ns[i] = scheduled ? (int64_t)a->genicam.action_delay_us * 1000 : 0;
+        } else if (a->lines) {
+            cfg.delay_ns[i] = (int64_t)a->delay_us[a->camera[i].line] * 1000;
+        }
+    }
     return sst_framesync_create(&c->sets, &cfg, &events);
 }
 

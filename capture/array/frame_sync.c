@@ -207,6 +207,12 @@ static int64_t window_of(const struct sst_framesync *s)
     return s->cfg.match == SST_FRAMESYNC_FREE ? (int64_t)(0.75 * s->period_ns) : s->cfg.window_ns;
 }
 
+/* Time of a trigger in the middle of whose window a frame of camera cam with this stamp lies. */
+static int64_t due_of(const struct sst_framesync *s, int cam, int64_t t_ns)
+{
+    return t_ns - s->cfg.delay_ns[cam] - (s->cfg.commanded[cam] ? s->cfg.window_ns / 8 * 7 : 0);
+}
+
 /* True if no further frame of this camera can belong to the tick. */
 static bool is_past(const struct sst_framesync *s, const struct tick *b, int cam)
 {
@@ -221,7 +227,7 @@ static bool is_past(const struct sst_framesync *s, const struct tick *b, int cam
     if (s->cfg.match == SST_FRAMESYNC_INDEX)
         return c->tick >= (int64_t)b->index;
     return s->cfg.match == SST_FRAMESYNC_FREE ? c->tick > (int64_t)b->index
-                                              : c->last_ns - s->cfg.delay_ns[cam] > b->t_ns + window_of(s);
+                                              : due_of(s, cam, c->last_ns) > b->t_ns + window_of(s);
 }
 
 static bool is_done(const struct sst_framesync *s, const struct tick *b)
@@ -312,7 +318,7 @@ static struct tick *nearest_tick(struct sst_framesync *s, int64_t t_ns)
 /* @return false: newer than every trigger, its own may not be reported yet */
 static bool assign_by_trigger(struct sst_framesync *s, struct sst_frame *frame)
 {
-    const int64_t t = frame->t_ns - s->cfg.delay_ns[frame->cam];
+    const int64_t t = due_of(s, frame->cam, frame->t_ns);
     struct tick *b = nearest_tick(s, t);
 
     if (b && llabs(b->t_ns - t) <= s->cfg.window_ns)

@@ -58,6 +58,8 @@ struct sst_framesync_config {
     int64_t window_ns; /* 0: 0.4 of the period, at least 1 ms (EDGE, NEAREST) */
     int64_t wait_ns; /* a set is closed this long after its trigger, complete or not; 0: 2.5 periods, at least 250 ms */
     int64_t delay_ns[SST_CAMERAS_MAX]; /* planned, from the trigger to the exposure; subtracted from the skew */
+    bool commanded[SST_CAMERAS_MAX];   /* EDGE: exposed by a command that follows the trigger, so never before it: the
+                                          window is after the trigger */
     int pool;                          /* maximum number of sets that are open or with the receiver, 2..64 */
 };
 

@@ -138,6 +138,7 @@ static void start_camera(struct genicam_camera *cam)
     cam->ids = (struct genicam_ids){ 0 };
     cam->clock = (struct genicam_clock){ 0 };
     cam->hashed = false;
+    cam->settle_ns = 0;
     cam->heard_ns = sst_clock_now_ns() + WAKE_UP_NS;
     cam->running = true;
     pthread_mutex_unlock(&cam->lock);

@@ -197,6 +197,7 @@ struct genicam_camera {
     int64_t last_ns; /* time of the last frame */
     uint64_t hash;
     bool hashed;
+    int64_t settle_ns; /* before this time frames only teach the clock; 0: not yet known */
     /* polling thread */
     enum sst_grab_state seen;
 };

@@ -4,6 +4,7 @@
 #include <errno.h>
 #include <linux/videodev2.h>
 #include <math.h>
+#include <sched.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -13,6 +14,7 @@
 
 #define SCAN_NS      INT64_C(900000000) /* a list of devices is used that long */
 #define ROOM_ALIGN   64
+#define PRIORITY     40 /* below the trigger's */
 #define TOLERANCE    0.02 /* of values read back: cameras round them to their steps */
 
 struct genicam_lib {
@@ -358,6 +360,9 @@ static void set_network(struct genicam_lib *lib, char *note)
 {
     GError *error = NULL;
 
+    /* The packet socket, which root would get, sees packets of other cameras until its filter is set, and takes their
+     * frames for this camera's (findings/aravis.sh). */
+    arv_camera_gv_set_stream_options(lib->camera, ARV_GV_STREAM_OPTION_PACKET_SOCKET_DISABLED);
     arv_camera_gv_set_packet_size_adjustment(lib->camera, ARV_GV_PACKET_SIZE_ADJUSTMENT_NEVER);
     if (lib->cfg.packet_bytes) {
         arv_camera_gv_set_packet_size(lib->camera, lib->cfg.packet_bytes, &error);
@@ -555,6 +560,9 @@ static void on_buffer(void *arg, ArvStreamCallbackType type, ArvBuffer *done SST
     struct genicam_lib *lib = arg;
     ArvBuffer *buffer;
 
+    /* A packet that waits is stamped late; without the right to it, on a busy machine some are. */
+    if (type == ARV_STREAM_CALLBACK_TYPE_INIT)
+        (void)pthread_setschedparam(pthread_self(), SCHED_FIFO, &(struct sched_param){ .sched_priority = PRIORITY });
     if (type != ARV_STREAM_CALLBACK_TYPE_BUFFER_DONE)
         return;
     while (lib->stream && (buffer = arv_stream_try_pop_buffer(lib->stream))) {

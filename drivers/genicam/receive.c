@@ -6,7 +6,23 @@
 #include "base/clock.h"
 #include "drivers/genicam/genicam_internal.h"
 
+#define SETTLE_NS   INT64_C(1000000000)
 #define BELIEVED_NS INT64_C(1000000000) /* a frame's stamp is never so far from its arrival */
+
+/* Cameras that run on their own are compared by their stamps from the first frame on: it waits until those are right. By a
+ * clock that was read they are at once. */
+static bool settles_locked(struct genicam_camera *cam, const struct genicam_slot *slot)
+{
+    if (cam->array->cfg.trigger != SST_GENICAM_FREE)
+        return false;
+    if (!cam->settle_ns)
+        cam->settle_ns = slot->frame.arrival_ns + (cam->clock.count ? 0 : SETTLE_NS);
+    if (slot->frame.arrival_ns >= cam->settle_ns)
+        return false;
+    if (slot->stamp_ns && slot->seen_ns)
+        genicam_clock_add(&cam->clock, slot->stamp_ns, slot->seen_ns);
+    return true;
+}
 
 /* Its time by the camera's clock; without one, and while that is being learnt again, of its arrival. */
 static void set_time_locked(struct genicam_camera *cam, struct genicam_slot *slot)
@@ -52,7 +68,9 @@ void genicam_receive(void *arg, struct genicam_slot *slot)
     f->arrival_ns = sst_clock_now_ns();
     f->faults = slot->whole ? 0 : SST_FRAME_FLAGGED;
     pthread_mutex_lock(&cam->lock);
-    if (slot->cancelled || !cam->running) {
+    if (cam->running && !slot->cancelled)
+        cam->heard_ns = f->arrival_ns;
+    if (slot->cancelled || !cam->running || settles_locked(cam, slot)) {
         pthread_mutex_unlock(&cam->lock);
         genicam_lib_release(slot);
         return;
@@ -67,7 +85,6 @@ void genicam_receive(void *arg, struct genicam_slot *slot)
         cam->hash = hash;
         cam->hashed = true;
     }
-    cam->heard_ns = f->arrival_ns;
     cam->owed_ns = 0;
     queue_locked(cam, slot);
     pthread_mutex_unlock(&cam->lock);
