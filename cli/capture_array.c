@@ -76,11 +76,13 @@ static json_t *cameras_json(const struct array_capture *a, const struct sst_capt
 
         sst_capture_camera(capture, i, &n, &device);
         json_array_append_new(list,
-                              json_pack("{s:i, s:i, s:s, s:s, s:I, s:I, s:I, s:o, s:o, s:o}", "row",
+                              json_pack("{s:i, s:i, s:s, s:s, s:I, s:I, s:I, s:I, s:I, s:o, s:o, s:o}", "row",
                                         a->config.camera[i].row, "col", a->config.camera[i].col, "serial",
                                         device->serial[0] ? device->serial : a->config.camera[i].serial, "port",
                                         device->port[0] ? device->port : a->config.camera[i].port, "frames",
                                         (json_int_t)n.frames, "bad", (json_int_t)n.bad, "lost", (json_int_t)n.lost,
+                                        "packets_missing", (json_int_t)n.packets_missing, "packets_resent",
+                                        (json_int_t)n.packets_resent,
                                         "buckets", counts(sst_bucket_keys, r->sets.camera[i], SST_BUCKETS), "faults",
                                         counts(fault_names, n.fault, ARRAY_LEN(fault_names)), "recovery",
                                         counts(rung_names, n.rung, ARRAY_LEN(rung_names))));

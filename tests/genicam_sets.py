@@ -2,9 +2,9 @@
 """Sets of a recording of fake GenICam cameras: whether frames of other triggers are in them, by the cameras' own word.
 
 Pixel (0, 0) of a frame is its number modulo 255, and each camera logs when it exposes a number. A set is mixed if two of its frames
-were exposed more than half a period apart. Prints one JSON object; exits with 1 if a set is mixed.
+were exposed further apart than cameras of one trigger can be: half a period, where they run on their own. Prints one JSON object; exits with 1 if a set is mixed.
 
-usage: genicam_sets.py RECORDING PERIOD_S CAMERA=LOG..."""
+usage: genicam_sets.py RECORDING LIMIT_S CAMERA=LOG..."""
 import datetime
 import json
 import re
@@ -23,7 +23,7 @@ def exposures(path, day):
     return found
 
 
-folder, period = Path(sys.argv[1]), float(sys.argv[2])
+folder, limit = Path(sys.argv[1]), float(sys.argv[2])
 files = sorted((folder / "segments").iterdir())
 lines = [json.loads(line) for line in (folder / "sets.jsonl").read_text().splitlines()]
 sets = [s for s in lines if "set" in s]
@@ -50,7 +50,7 @@ for s in lines:
         times.append(min(near, key=lambda t: abs(t - s["wall_ns"] / 1e9)))
     if times:
         worst = max(worst, max(times) - min(times))
-        if max(times) - min(times) > period / 2:
+        if max(times) - min(times) > limit:
             mixed.append(s["set"])
 print(json.dumps({"sets": len(sets), "complete": sum(not s["missing"] for s in sets), "frames": frames, "mixed": mixed,
                   "unknown": unknown, "farthest_ms": round(1000 * worst)}))

@@ -22,13 +22,12 @@ static void wake_poll(struct genicam_camera *cam)
     (void)eventfd_write(cam->array->wake_fd, 1);
 }
 
-static void log_state(const struct genicam_camera *cam, enum sst_grab_state before, enum sst_grab_state state,
-                      const char *why)
+static void log_state(const struct genicam_camera *cam, enum sst_grab_state state, const char *why)
 {
     if (state == SST_GRAB_REFUSED)
         sst_log_error("%s: %s", cam->name, why);
     else if (state == SST_GRAB_ABSENT || state == SST_GRAB_RECOVERING ||
-             (state == SST_GRAB_STREAMING && before != SST_GRAB_READY))
+             (state == SST_GRAB_STREAMING && cam->down_ns))
         sst_log_warning("%s: %s", cam->name, why);
     else
         sst_log_info("%s: %s", cam->name, why);
@@ -52,7 +51,7 @@ static void set_state(struct genicam_camera *cam, enum sst_grab_state state, con
         return;
     if (before == SST_GRAB_STREAMING)
         cam->down_ns = sst_clock_now_ns();
-    log_state(cam, before, state, why);
+    log_state(cam, state, why);
     wake_poll(cam);
 }
 
@@ -154,6 +153,7 @@ static void start_camera(struct genicam_camera *cam)
         snprintf(text, sizeof(text), "streaming again after %.1f s",
                  (double)(sst_clock_now_ns() - cam->down_ns) * 1e-9);
     set_state(cam, SST_GRAB_STREAMING, text);
+    cam->down_ns = 0;
 }
 
 /* Close it; it is opened again at once. */
