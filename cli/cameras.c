@@ -172,6 +172,13 @@ struct stills {
     int count;
 };
 
+/* GenICam cameras, which have no node. */
+struct genicams {
+    const struct sst_array_config *cfg;
+    struct sst_genicam_device *device;
+    int count;
+};
+
 static void still_state(char *text, size_t size, const struct sst_still_device *d)
 {
     if (d->error == EACCES || d->error == EPERM)
@@ -235,10 +242,11 @@ static void print_left_out(const struct sst_grab_device *devices, int count)
 }
 
 static int print_json(const struct sst_grab_device *devices, const struct cli_place *place, int count, int all,
-                      const struct stills *stills)
+                      const struct stills *stills, const struct genicams *genicams)
 {
     json_t *list = json_array(), *still = still_json(stills), *out = left_out_json(devices + count, all - count);
-    int err = list && still && out ? 0 : -ENOMEM;
+    json_t *other = cli_genicam_json(genicams->cfg, genicams->device, genicams->count);
+    int err = list && still && out && other ? 0 : -ENOMEM;
 
     for (int i = 0; !err && i < count; i++) {
         const struct sst_grab_device *d = &devices[i];
@@ -255,7 +263,9 @@ static int print_json(const struct sst_grab_device *devices, const struct cli_pl
         json_decref(list);
         json_decref(still);
         json_decref(out);
-    } else if (cli_dump_json(json_pack("{s:o, s:o, s:o}", "cameras", list, "still", still, "left_out", out),
+        json_decref(other);
+    } else if (cli_dump_json(json_pack("{s:o, s:o, s:o, s:o}", "cameras", list, "genicam", other, "still", still,
+                                       "left_out", out),
                              JSON_INDENT(2)) != CLI_OK) {
         err = -ENOMEM;
     }
@@ -283,7 +293,8 @@ static void print_table(const struct sst_grab_device *devices, const struct cli_
 }
 
 /* Warn about missing bound cameras and duplicate serials, in both output formats. */
-static void warn_missing(const struct sst_array_config *cfg, const struct cli_place *place, int count)
+static void warn_missing(const struct sst_array_config *cfg, const struct cli_place *place, int count,
+                         const struct genicams *genicams)
 {
     int missing = 0;
 
@@ -293,6 +304,8 @@ static void warn_missing(const struct sst_array_config *cfg, const struct cli_pl
 
         for (int i = 0; i < count; i++)
             there |= place[i].row == c->row && place[i].col == c->col;
+        for (int i = 0; i < genicams->count; i++)
+            there |= cli_is_genicam(c, &genicams->device[i]);
         if (!there && ++missing <= 8)
             sst_log_warning("row %d col %d: no camera with %s %s is connected", c->row, c->col,
                             *c->serial ? "serial" : "port", *c->serial ? c->serial : c->port);
@@ -321,6 +334,7 @@ static int local(const char *config, bool json)
     struct sst_grab_device *devices = NULL;
     struct cli_place *place = NULL;
     struct stills stills = { .count = 0 };
+    struct genicams genicams = { &cfg, NULL, 0 };
     int count = 0, all = 0, err;
 
     err = sst_array_config_read(&cfg, config);
@@ -329,7 +343,9 @@ static int local(const char *config, bool json)
         return err;
     (void)sst_grab_select(devices, count, cfg.fourcc);
     err = sst_still_list(&stills.device, &stills.count);
+    err = err ? err : cli_genicam_list(&genicams.device, &genicams.count);
     if (err) {
+        free(stills.device);
         free(devices);
         return err;
     }
@@ -337,20 +353,24 @@ static int local(const char *config, bool json)
     if (!place) {
         sst_log_error("no memory for a list of cameras");
         free(stills.device);
+        free(genicams.device);
         free(devices);
         return -ENOMEM;
     }
     cli_places(place, &cfg, devices, count);
-    warn_missing(&cfg, place, count);
+    warn_missing(&cfg, place, count, &genicams);
     warn_duplicates(devices, count);
     if (json) {
-        err = print_json(devices, place, count, all, &stills);
+        err = print_json(devices, place, count, all, &stills, &genicams);
     } else {
-        print_table(devices, place, count);
+        if (count || !genicams.count)
+            print_table(devices, place, count);
+        cli_genicam_print(&cfg, genicams.device, genicams.count);
         print_left_out(devices + count, all - count);
         print_stills(&stills);
     }
     free(stills.device);
+    free(genicams.device);
     free(place);
     free(devices);
     return err;

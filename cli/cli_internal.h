@@ -14,6 +14,7 @@
 #include "capture/rig/rig_still.h"
 #include "client/client.h"
 #include "config/array.h"
+#include "drivers/genicam/genicam.h"
 #include "drivers/grab/grab.h"
 #include "drivers/usb/plan.h"
 #include "pipeline/image/image.h"
@@ -237,6 +238,14 @@ json_t *cli_text_json(const char *text);
 /** Is this the device that a configuration binds to a position? If a binding has both, the serial has priority, as in
  *  drivers/grab. */
 bool cli_is_bound(const struct sst_config_camera *c, const char *serial, const char *port);
+
+/** True if that GenICam camera is that one of the configuration. */
+bool cli_is_genicam(const struct sst_config_camera *c, const struct sst_genicam_device *device);
+/** sst_genicam_list(), none without Aravis. *devices to free with free(). @return 0 or -ENOMEM */
+SST_MUST_CHECK int cli_genicam_list(struct sst_genicam_device **devices, int *count);
+/** As JSON and as a table, with the places that the configuration gives them. @return NULL: no memory */
+json_t *cli_genicam_json(const struct sst_array_config *cfg, const struct sst_genicam_device *devices, int count);
+void cli_genicam_print(const struct sst_array_config *cfg, const struct sst_genicam_device *devices, int count);
 
 /** True if that node, of a list after sst_grab_select(), is that camera. */
 bool cli_is_node(const struct sst_config_camera *c, const struct sst_grab_device *device);

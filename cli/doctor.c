@@ -77,6 +77,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     doctor = (struct doctor){ .cfg = &cfg, .config = config, .folder = folder };
     if (cfg.role != SST_CONFIG_HEAD || cfg.bound) { /* a head may have no cameras */
         doctor_check_cameras(&doctor);
+        doctor_check_genicam(&doctor);
         doctor_check_bandwidth(&doctor);
         doctor_check_trigger(&doctor);
     }

@@ -110,11 +110,15 @@ static void check_places(struct doctor *d, const struct sst_grab_device *list, i
 {
     struct names missing = { .count = 0 }, twice = { .count = 0 };
 
+    const int bound = sst_array_count(d->cfg, SST_CONFIG_V4L2);
+
     for (int b = 0; b < d->cfg->bound; b++) {
         const struct sst_config_camera *c = &d->cfg->camera[b];
         const int found = devices_of(c, list, all);
         char name[96];
 
+        if (c->kind != SST_CONFIG_V4L2)
+            continue;
         snprintf(name, sizeof(name), "r%dc%d (%s %s)", c->row, c->col, c->serial[0] ? "serial" : "port",
                  c->serial[0] ? c->serial : c->port);
         if (!found)
@@ -127,15 +131,15 @@ static void check_places(struct doctor *d, const struct sst_grab_device *list, i
         doctor_add(d, DOCTOR_PROBLEM, "cameras",
                    "%d of %d cameras are missing, %s: plug them in, or correct `bind` (`sst cameras` lists the "
                    "connected ones)",
-                   missing.count, d->cfg->bound, text_of(&missing));
+                   missing.count, bound, text_of(&missing));
     if (twice.count)
         doctor_add(d, DOCTOR_PROBLEM, "cameras", "several cameras have the serial of %s: bind them by port",
                    text_of(&twice));
-    if (!missing.count && !twice.count)
-        doctor_add(d, DOCTOR_OK, "cameras", "all %d cameras of the configuration are connected", d->cfg->bound);
-    if (n > d->cfg->bound)
+    if (bound && !missing.count && !twice.count)
+        doctor_add(d, DOCTOR_OK, "cameras", "all %d cameras of the configuration are connected", bound);
+    if (n > bound)
         doctor_add(d, DOCTOR_OK, "cameras", "%d more cameras are plugged in than the configuration binds",
-                   n - d->cfg->bound);
+                   n - bound);
 }
 
 void doctor_check_cameras(struct doctor *d)

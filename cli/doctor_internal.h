@@ -34,6 +34,8 @@ void doctor_add(struct doctor *d, enum doctor_level level, const char *area, con
 /* doctor_devices.c */
 void doctor_check_cameras(struct doctor *d);
 void doctor_check_still(struct doctor *d);
+/** GenICam cameras that are bound, and their clocks. */
+void doctor_check_genicam(struct doctor *d);
 void doctor_check_bandwidth(struct doctor *d);
 void doctor_check_trigger(struct doctor *d);
 void doctor_check_rig(struct doctor *d);

@@ -5,6 +5,8 @@
 
 bool cli_is_bound(const struct sst_config_camera *c, const char *serial, const char *port)
 {
+    if (c->kind != SST_CONFIG_V4L2)
+        return false;
     return *c->serial ? !strcmp(c->serial, serial) : *c->port && !strcmp(c->port, port);
 }
 

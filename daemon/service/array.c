@@ -172,6 +172,8 @@ static void update_camera_locked(struct service_array *a, int i, const struct ss
         memcpy(c->port, device->port, sizeof(c->port));
         memcpy(c->name, device->name, sizeof(c->name));
     }
+    c->ptp = (struct sst_genicam_ptp){ 0 };
+    (void)sst_capture_ptp(a->capture, i, &c->ptp);
     memcpy(c->bucket, r->sets.camera[i], sizeof(c->bucket));
     c->rate_hz = s > 0 ? (double)(a->frames[i] - a->told_frames[i]) / s : 0;
     a->told_frames[i] = a->frames[i];

@@ -47,6 +47,7 @@ struct array_camera {
     char serial[64], port[64], name[64];
     char reason[256]; /* of a state other than streaming; of streaming: a remark on its frames, or "" */
     struct sst_grab_counters grab;
+    struct sst_genicam_ptp ptp; /* role "": none */
     uint64_t bucket[SST_BUCKETS];
     double rate_hz;  /* frames in sets, over the last second */
     double skew_us;  /* its stamps less the median of their sets, smoothed */

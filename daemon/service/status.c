@@ -157,7 +157,7 @@ const struct sst_field sst_service_status_fields[] = {
 struct camera {
     char place[16];
     bool up;
-    double last_s;
+    double last_s, ptp_offset_us;
     struct array_camera c;
 };
 
@@ -181,6 +181,12 @@ static const struct sst_field camera_fields[] = {
     ROW("frames", INTEGER, c.grab.frames, "Frames of the camera since it was opened", "camera_frames"),
     ROW("bad", INTEGER, c.grab.bad, "Damaged ones among them", "camera_bad_frames"),
     ROW("lost", INTEGER, c.grab.lost, "Frames missing from the driver's sequence"),
+    ROW("packets_missing", INTEGER, c.grab.packets_missing,
+        "Of a GigE camera: packets that incomplete frames lack, from the first missing one on", "camera_packets_missing"),
+    ROW("packets_resent", INTEGER, c.grab.packets_resent, "Of a GigE camera: packets that came when requested again",
+        "camera_packets_resent"),
+    ROW("ptp_role", TEXT, c.ptp.role, "Of a GenICam camera: role of its clock by PTP (Slave, Master ...), or \"\""),
+    ROW("ptp_offset_us", REAL, ptp_offset_us, "Offset of that clock from its master's; null: unknown", .nullable = true),
     ROW("rate_hz", REAL, c.rate_hz, "Frames in sets, over the last second"),
     ROW("skew_us", REAL, c.skew_us, "Its exposure against the median of its sets, smoothed", "camera_skew_seconds",
         .per = 1e6),
@@ -348,7 +354,8 @@ static struct cameras_now *gather_cameras(struct sst_service *s)
 
         now->camera[i] = (struct camera){ .up = c->state == SST_GRAB_STREAMING,
                                           .c = *c,
-                                          .last_s = c->last_ns ? (double)(now_ns - c->last_ns) / 1e9 : NAN };
+                                          .last_s = c->last_ns ? (double)(now_ns - c->last_ns) / 1e9 : NAN,
+                                          .ptp_offset_us = c->ptp.has_offset ? (double)c->ptp.offset_ns / 1e3 : NAN };
         snprintf(now->camera[i].place, sizeof(now->camera[i].place), "r%dc%d", c->row, c->col);
     }
     return now;

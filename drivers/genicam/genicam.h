@@ -16,9 +16,19 @@ struct sst_genicam_device {
     char protocol[SST_GRAB_NAME_MAX]; /* "GigEVision", "USB3Vision" */
 };
 
+/** Clock of a camera by PTP (IEEE 1588). */
+struct sst_genicam_ptp {
+    char role[24];     /* "Slave", "Master" ... as the camera reports it; "": unknown, or without PTP */
+    bool has_offset;
+    int64_t offset_ns; /* from the master */
+};
+
 /** List cameras that answer within 1 s; nothing is opened. *devices to free with free().
  *  @return 0, -ENOMEM, -ENOTSUP (built or installed without Aravis; not logged) */
 SST_MUST_CHECK int sst_genicam_list(struct sst_genicam_device **devices, int *count);
+
+/** Read the clock of a camera, also while another program controls it; takes some 0.1 s. @return 0 or -errno */
+SST_MUST_CHECK int sst_genicam_read_ptp(const struct sst_genicam_device *device, struct sst_genicam_ptp *out);
 
 /* --- capture ------------------------------------------------------------------------------------------------------ */
 
@@ -63,13 +73,6 @@ struct sst_genicam_config {
     bool resend;                  /* GigE: lost packets are requested again */
     bool ptp;                     /* the camera's clock follows the PTP master of the network */
     struct sst_genicam_action action;
-};
-
-/** Clock of a camera by PTP (IEEE 1588). */
-struct sst_genicam_ptp {
-    char role[24];     /* "Slave", "Master" ... as the camera reports it; "": unknown, or without PTP */
-    bool has_offset;
-    int64_t offset_ns; /* from the master */
 };
 
 void sst_genicam_config_defaults(struct sst_genicam_config *cfg);

@@ -153,6 +153,8 @@ struct genicam_lib_query {
 };
 SST_MUST_CHECK int genicam_lib_open(struct genicam_lib **out, const struct genicam_lib_query *query,
                                     struct sst_genicam_device *device, char *why, char *note);
+/** As sst_genicam_read_ptp(). */
+SST_MUST_CHECK int genicam_lib_ptp(const struct sst_genicam_device *device, struct sst_genicam_ptp *out);
 SST_MUST_CHECK int genicam_lib_start(struct genicam_lib *lib, const struct genicam_lib_events *events, char *why);
 SST_MUST_CHECK int genicam_lib_trigger(struct genicam_lib *lib);
 /** Read statistics and the clock. @return 0 or -EIO: it does not answer */

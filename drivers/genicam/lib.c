@@ -23,6 +23,11 @@ int genicam_lib_open(struct genicam_lib **out, const struct genicam_lib_query *q
     SST_PLUGIN_CALL(load, genicam_lib_open, out, query, device, why, note);
 }
 
+int genicam_lib_ptp(const struct sst_genicam_device *device, struct sst_genicam_ptp *out)
+{
+    SST_PLUGIN_CALL(load, genicam_lib_ptp, device, out);
+}
+
 int genicam_lib_start(struct genicam_lib *lib, const struct genicam_lib_events *events, char *why)
 {
     SST_PLUGIN_CALL(load, genicam_lib_start, lib, events, why);
@@ -55,6 +60,11 @@ void genicam_lib_close(struct genicam_lib *lib)
         *(void **)&loaded = load("genicam_lib_close");
     if (loaded)
         loaded(lib);
+}
+
+int sst_genicam_read_ptp(const struct sst_genicam_device *device, struct sst_genicam_ptp *out)
+{
+    return genicam_lib_ptp(device, out);
 }
 
 int sst_genicam_list(struct sst_genicam_device **devices, int *count)

@@ -380,16 +380,17 @@ static void set_network(struct genicam_lib *lib, char *note)
             (double)arv_camera_gv_get_packet_delay(lib->camera, NULL));
 }
 
-/* Features of clocks; PTP is switched only if it is wanted, and else stays as the camera is set. */
+/* Features of clocks; PTP is switched only if it is wanted, and else stays as the camera is set. Without a note nothing is
+ * set. */
 static void set_clock(struct genicam_lib *lib, char *note)
 {
     ArvCamera *camera = lib->camera;
     const char *enable = either(camera, "PtpEnable", "GevIEEE1588");
     gint64 ticks = 0;
 
-    if (lib->cfg.ptp && !enable)
+    if (lib->cfg.ptp && !enable && note)
         add(note, "%sit has no PTP", *note ? ", " : "");
-    if (lib->cfg.ptp && enable) {
+    if (lib->cfg.ptp && enable && note) {
         arv_camera_set_boolean(camera, enable, TRUE, NULL);
         if (!arv_camera_get_boolean(camera, enable, NULL))
             add(note, "%s%s stays off", *note ? ", " : "", enable);
@@ -677,6 +678,19 @@ int genicam_lib_read(struct genicam_lib *lib, struct genicam_reading *out)
     }
     read_ptp(lib, &out->ptp);
     read_clock(lib, out);
+    return 0;
+}
+
+int genicam_lib_ptp(const struct sst_genicam_device *device, struct sst_genicam_ptp *out)
+{
+    struct genicam_lib lib = { .cfg = { .ptp = false } };
+
+    lib.camera = arv_camera_new(device->id, NULL);
+    if (!lib.camera)
+        return -EIO;
+    set_clock(&lib, NULL);
+    read_ptp(&lib, out);
+    g_object_unref(lib.camera);
     return 0;
 }
 
