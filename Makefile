@@ -187,7 +187,7 @@ TOOLS := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/tools/*.c)) $(if $(filter 1,
 # Programs that tests/guest runs in the emulated machine.
 GUEST_TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(wildcard tests/guest/*.c)))
 
-.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-arm64 kernel-tests check-timing coverage check-includes check-names check-words check-structure check-kernel deps-kernel check-cluster deps-cluster check-nodes check-onvif findings demo bench bench-quick bench-check bench-check-update bench-networks bench-calib bench-perturb bench-gpu bench-service bench-watch soak-service fuzz install install-built uninstall man help clean format tests fuzzers check-colmap deps-colmap
+.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-arm64 kernel-tests check-timing coverage check-includes check-names check-words check-structure check-kernel deps-kernel check-cluster deps-cluster check-nodes check-genicam check-onvif findings demo bench bench-quick bench-check bench-check-update bench-networks bench-calib bench-perturb bench-gpu bench-service bench-watch soak-service fuzz install install-built uninstall man help clean format tests fuzzers check-colmap deps-colmap
 .SECONDARY:
 PROGRAMS := $(BUILD)/sst $(BUILD)/sstd $(PUBLISHERS:%=$(BUILD)/sst-%) $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so) $(PLUGINS) $(READ_LIB)
 all: $(PROGRAMS) ## build the programs into build/: sst, sstd, sst-rtsp, sst-mqtt, sst-onvif, sst-sim (simulated devices), and their plugins
@@ -439,6 +439,9 @@ check-colmap: deps-colmap $(BUILD)/sst ## exports triangulated by Debian's COLMA
 
 check-onvif: $(PROGRAMS) ## foreign clients (npm, Debian) on sst-onvif, in a network of its own; downloads them; needs root, node and npm
 	SST_BUILD=$(BUILD) tests/onvif/check.sh
+
+check-genicam: $(PROGRAMS) ## fake GigE cameras in network namespaces, packets lost, a cable cut, beside V4L2 ones; MINUTES=10 CAMERAS=16; needs root
+	SST_BUILD=$(BUILD) tests/genicam/check.sh
 
 check-nodes: $(PROGRAMS) $(TOOLS) ## nodes and a head in network namespaces, on a bad network, nodes killed; MINUTES=30 NODES=2; needs root
 	SST_BUILD=$(BUILD) tests/nodes/check.sh

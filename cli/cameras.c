@@ -179,6 +179,11 @@ struct genicams {
     int count;
 };
 
+struct others {
+    struct stills stills;
+    struct genicams genicams;
+};
+
 static void still_state(char *text, size_t size, const struct sst_still_device *d)
 {
     if (d->error == EACCES || d->error == EPERM)
@@ -242,9 +247,10 @@ static void print_left_out(const struct sst_grab_device *devices, int count)
 }
 
 static int print_json(const struct sst_grab_device *devices, const struct cli_place *place, int count, int all,
-                      const struct stills *stills, const struct genicams *genicams)
+                      const struct others *others)
 {
-    json_t *list = json_array(), *still = still_json(stills), *out = left_out_json(devices + count, all - count);
+    const struct genicams *genicams = &others->genicams;
+    json_t *list = json_array(), *still = still_json(&others->stills), *out = left_out_json(devices + count, all - count);
     json_t *other = cli_genicam_json(genicams->cfg, genicams->device, genicams->count);
     int err = list && still && out && other ? 0 : -ENOMEM;
 
@@ -333,8 +339,9 @@ static int local(const char *config, bool json)
     struct sst_array_config cfg;
     struct sst_grab_device *devices = NULL;
     struct cli_place *place = NULL;
-    struct stills stills = { .count = 0 };
-    struct genicams genicams = { &cfg, NULL, 0 };
+    struct others others = { .genicams = { &cfg, NULL, 0 } };
+    struct stills *stills = &others.stills;
+    struct genicams *genicams = &others.genicams;
     int count = 0, all = 0, err;
 
     err = sst_array_config_read(&cfg, config);
@@ -342,35 +349,35 @@ static int local(const char *config, bool json)
     if (err)
         return err;
     (void)sst_grab_select(devices, count, cfg.fourcc);
-    err = sst_still_list(&stills.device, &stills.count);
-    err = err ? err : cli_genicam_list(&genicams.device, &genicams.count);
+    err = sst_still_list(&stills->device, &stills->count);
+    err = err ? err : cli_genicam_list(&genicams->device, &genicams->count);
     if (err) {
-        free(stills.device);
+        free(stills->device);
         free(devices);
         return err;
     }
     place = calloc((size_t)count + 1, sizeof(*place));
     if (!place) {
         sst_log_error("no memory for a list of cameras");
-        free(stills.device);
-        free(genicams.device);
+        free(stills->device);
+        free(genicams->device);
         free(devices);
         return -ENOMEM;
     }
     cli_places(place, &cfg, devices, count);
-    warn_missing(&cfg, place, count, &genicams);
+    warn_missing(&cfg, place, count, genicams);
     warn_duplicates(devices, count);
     if (json) {
-        err = print_json(devices, place, count, all, &stills, &genicams);
+        err = print_json(devices, place, count, all, &others);
     } else {
-        if (count || !genicams.count)
+        if (count || !genicams->count)
             print_table(devices, place, count);
-        cli_genicam_print(&cfg, genicams.device, genicams.count);
+        cli_genicam_print(&cfg, genicams->device, genicams->count);
         print_left_out(devices + count, all - count);
-        print_stills(&stills);
+        print_stills(stills);
     }
-    free(stills.device);
-    free(genicams.device);
+    free(stills->device);
+    free(genicams->device);
     free(place);
     free(devices);
     return err;
