@@ -8,7 +8,7 @@
 static const struct {
     const char *what, *remedy;
 } texts[SST_TROUBLES] = {
-    [SST_TROUBLE_FLAGGED] = { "the driver flags frames as damaged", "check its cable, hub and USB power" },
+    [SST_TROUBLE_FLAGGED] = { "the driver flags frames as damaged", "check its cable, hub or switch, and power" },
     [SST_TROUBLE_CUT] = { "frames end early", "check its cable, and the USB bandwidth by `sst plan`" },
     [SST_TROUBLE_DAMAGED] = { "frames are damaged", "check its cable, hub and USB power" },
     [SST_TROUBLE_UNFIT] = { "frames do not have the size or the form that was agreed",

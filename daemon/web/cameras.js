@@ -188,7 +188,10 @@ export class Cameras {
       ["Frames", `${number(camera.frames)}${drops(camera) ? `, ${number(camera.lost)} lost, ${number(camera.bad)} bad` : ", none lost"}`],
       ["Not in a set", buckets.length ? buckets.map(([key, count]) => `${number(count)} ${key}`).join(", ") : "none"],
       ["Recovery", rungs.length ? rungs.map(([key, count]) => `${number(count)} ${key.replace("_", " ")}`).join(", ") : "never needed"],
-      ["Serial", camera.serial || "–"], ["USB port", camera.port || "–"],
+      ...(camera.packets_missing || camera.packets_resent ?
+        [["Packets", `${number(camera.packets_missing)} missing, ${number(camera.packets_resent)} sent again`]] : []),
+      ...(camera.ptp_role ? [["Clock", `PTP ${camera.ptp_role.toLowerCase()}${finite(camera.ptp_offset_us) ? `, ${number(camera.ptp_offset_us, 1)} µs off` : ""}`]] : []),
+      ["Serial", camera.serial || "–"], ["Port", camera.port || "–"],
     ]);
   }
 

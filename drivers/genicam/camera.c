@@ -112,7 +112,7 @@ static void open_camera(struct genicam_camera *cam)
     set_state(cam, SST_GRAB_READY, "ready");
 }
 
-static void close_camera(struct genicam_camera *cam)
+static void close_camera(struct genicam_camera *cam, bool silent)
 {
     pthread_mutex_lock(&cam->lock);
     cam->running = false;
@@ -123,7 +123,7 @@ static void close_camera(struct genicam_camera *cam)
     cam->resent_before = cam->counters.packets_resent;
     cam->ptp = (struct sst_genicam_ptp){ 0 };
     pthread_mutex_unlock(&cam->lock);
-    genicam_lib_close(cam->lib);
+    genicam_lib_close(cam->lib, silent);
     cam->lib = NULL;
 }
 
@@ -143,7 +143,7 @@ static void start_camera(struct genicam_camera *cam)
     pthread_mutex_unlock(&cam->lock);
     err = genicam_lib_start(cam->lib, &events, why);
     if (err) {
-        close_camera(cam);
+        close_camera(cam, err == -EIO);
         set_state(cam, err == -EIO ? SST_GRAB_ABSENT : SST_GRAB_REFUSED, *why ? why : strerror(-err));
         return;
     }
@@ -164,7 +164,7 @@ static void fail(struct genicam_camera *cam, const char *why, bool device)
     cam->counters.lost_devices += device;
     cam->counters.rung[SST_GRAB_REOPEN]++;
     pthread_mutex_unlock(&cam->lock);
-    close_camera(cam);
+    close_camera(cam, true);
     cam->retry_ns = 0;
     cam->retry_pause_ns = RETRY_NS;
 }
@@ -279,7 +279,7 @@ static void *run(void *arg)
         if (!fire)
             watch(cam);
     }
-    close_camera(cam);
+    close_camera(cam, false);
     return NULL;
 }
 

@@ -161,8 +161,9 @@ SST_MUST_CHECK int genicam_lib_trigger(struct genicam_lib *lib);
 SST_MUST_CHECK int genicam_lib_read(struct genicam_lib *lib, struct genicam_reading *out);
 /** Thread: any; also after close. */
 void genicam_lib_release(struct genicam_slot *slot);
-/** Stop, and free as soon as no image is lent out. NULL is fine. */
-void genicam_lib_close(struct genicam_lib *lib);
+/** Stop, and free as soon as no image is lent out. NULL is fine. @param silent  it does not answer: it is not asked to
+ * stop, which takes seconds then */
+void genicam_lib_close(struct genicam_lib *lib, bool silent);
 
 /* --- camera: its thread ------------------------------------------------------------------------------------------- */
 

@@ -52,14 +52,14 @@ void genicam_lib_release(struct genicam_slot *slot)
         loaded(slot);
 }
 
-void genicam_lib_close(struct genicam_lib *lib)
+void genicam_lib_close(struct genicam_lib *lib, bool silent)
 {
     __typeof__(&genicam_lib_close) loaded = NULL;
 
     if (lib)
         *(void **)&loaded = load("genicam_lib_close");
     if (loaded)
-        loaded(lib);
+        loaded(lib, silent);
 }
 
 int sst_genicam_read_ptp(const struct sst_genicam_device *device, struct sst_genicam_ptp *out)

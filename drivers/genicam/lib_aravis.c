@@ -361,7 +361,7 @@ static void set_network(struct genicam_lib *lib, char *note)
     GError *error = NULL;
 
     /* The packet socket, which root would get, sees packets of other cameras until its filter is set, and takes their
-     * frames for this camera's (findings/aravis.sh). */
+     * frames for this camera's (findings/aravis-packet-socket-foreign-frames.sh). */
     arv_camera_gv_set_stream_options(lib->camera, ARV_GV_STREAM_OPTION_PACKET_SOCKET_DISABLED);
     arv_camera_gv_set_packet_size_adjustment(lib->camera, ARV_GV_PACKET_SIZE_ADJUSTMENT_NEVER);
     if (lib->cfg.packet_bytes) {
@@ -526,7 +526,7 @@ int genicam_lib_open(struct genicam_lib **out, const struct genicam_lib_query *q
     return 0;
 
 fail:
-    genicam_lib_close(lib);
+    genicam_lib_close(lib, false);
     return err;
 }
 
@@ -714,14 +714,14 @@ void genicam_lib_release(struct genicam_slot *slot)
 }
 
 /* Buffers that are not lent out belong to the stream, which frees them. */
-void genicam_lib_close(struct genicam_lib *lib)
+void genicam_lib_close(struct genicam_lib *lib, bool silent)
 {
     ArvStream *stream;
     bool last;
 
     if (!lib)
         return;
-    if (lib->camera && lib->stream)
+    if (lib->camera && lib->stream && !silent)
         arv_camera_stop_acquisition(lib->camera, NULL);
     pthread_mutex_lock(&lib->lock);
     stream = lib->stream;

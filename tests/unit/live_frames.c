@@ -95,7 +95,8 @@ static struct sst_live_input *make_set(int n, const struct seen *s, uint32_t fou
     in->t_ns = (int64_t)(n + 1) * STEP_NS;
     for (int k = 0; k < VIEWS; k++) {
         uint8_t *data;
-        size_t bytes = 2 * WIDTH * HEIGHT;
+        const size_t each = fourcc == V4L2_PIX_FMT_RGB24 ? 3 : 2;
+        size_t bytes = each * WIDTH * HEIGHT;
 
         paint(&img, s, k);
         if (fourcc == V4L2_PIX_FMT_MJPEG) {
@@ -103,8 +104,8 @@ static struct sst_live_input *make_set(int n, const struct seen *s, uint32_t fou
         } else { /* any bytes are a picture; the bytes of green are one that the tests know */
             data = malloc(bytes);
             for (size_t i = 0; i < bytes; i++)
-                data[i] = sst_image_row(&img, 1, (int)(i / 2 / WIDTH))[i / 2 % WIDTH];
-            if (fourcc != V4L2_PIX_FMT_YUYV && fourcc != V4L2_PIX_FMT_Y16) {
+                data[i] = sst_image_row(&img, 1, (int)(i / each / WIDTH))[i / each % WIDTH];
+            if (each == 2 && fourcc != V4L2_PIX_FMT_YUYV && fourcc != V4L2_PIX_FMT_Y16) {
                 bytes = WIDTH * HEIGHT;
                 for (size_t i = 0; i < bytes; i++)
                     data[i] = data[2 * i];
@@ -578,7 +579,7 @@ static void any_number_of_threads_gives_the_same(void **state)
 static void raw_formats_follow(void **state)
 {
     static const uint32_t formats[] = { V4L2_PIX_FMT_GREY, V4L2_PIX_FMT_Y16, V4L2_PIX_FMT_YUYV, V4L2_PIX_FMT_SRGGB8,
-                                        V4L2_PIX_FMT_SGBRG8 };
+                                        V4L2_PIX_FMT_SGBRG8, V4L2_PIX_FMT_RGB24 };
 
     (void)state;
     for (size_t i = 0; i < ARRAY_LEN(formats); i++) {

@@ -168,18 +168,34 @@ static int remove_all(void **state)
     return 0;
 }
 
+static void rgb_is_as_it_is(void **state)
+{
+    static const uint8_t data[] = { 1, 2, 3, 4, 5, 6, 7, 8, 9, 250, 251, 252 };
+    struct sst_raw raw = { V4L2_PIX_FMT_RGB24, 2, 2, 0, data, sizeof(data) };
+    struct sst_image img;
+
+    (void)state;
+    assert_int_equal(sst_raw_to_image(&img, &raw), 0);
+    for (int c = 0; c < 3; c++)
+        for (int i = 0; i < 4; i++)
+            assert_int_equal(sst_image_row(&img, c, i / 2)[i % 2], data[3 * i + c]);
+    sst_image_fini(&img);
+    raw.bytes--;
+    assert_int_equal(sst_raw_to_image(&img, &raw), -EBADMSG);
+}
+
 /* A part has the bytes of the whole, and nothing beside it is touched. */
 static void parts_are_those_of_the_whole(void **state)
 {
     static const uint32_t formats[] = { V4L2_PIX_FMT_GREY, V4L2_PIX_FMT_Y16, V4L2_PIX_FMT_YUYV, V4L2_PIX_FMT_SRGGB8,
-                                        V4L2_PIX_FMT_SBGGR8 };
-    uint8_t data[2 * 30 * 20];
+                                        V4L2_PIX_FMT_SBGGR8, V4L2_PIX_FMT_RGB24 };
+    uint8_t data[3 * 30 * 20];
 
     (void)state;
     for (size_t i = 0; i < sizeof(data); i++)
         data[i] = (uint8_t)(i * i / 7 + 13 * i);
     for (size_t f = 0; f < sizeof(formats) / sizeof(*formats); f++) {
-        const struct sst_raw raw = { formats[f], 30, 20, 60, data, sizeof(data) };
+        const struct sst_raw raw = { formats[f], 30, 20, 90, data, sizeof(data) };
         struct sst_image whole, part;
 
         assert_int_equal(sst_raw_to_image(&whole, &raw), 0);
@@ -202,6 +218,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(yuyv_is_bt601),
+        cmocka_unit_test(rgb_is_as_it_is),
         cmocka_unit_test(flat_bayer_is_exact),
         cmocka_unit_test(bayer_filters_are_the_papers),
         cmocka_unit_test(samples_are_kept),

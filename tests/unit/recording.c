@@ -94,6 +94,7 @@ static void round_trip(void **state)
         { V4L2_PIX_FMT_GREY, 2, 7, 5, 35 },         { V4L2_PIX_FMT_Y16, 2, 7, 5, 70 },
         { V4L2_PIX_FMT_SBGGR8, 2, 1, 1, 1 },        { V4L2_PIX_FMT_SGBRG8, 1, 33, 17, 33 * 17 },
         { V4L2_PIX_FMT_SGRBG8, 7, 9, 3, 27 },       { V4L2_PIX_FMT_SRGGB8, 256, 5, 5, 25 },
+        { V4L2_PIX_FMT_RGB24, 3, 7, 5, 105 },
     };
 
     (void)state;

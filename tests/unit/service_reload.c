@@ -116,6 +116,8 @@ static const struct {
     { "cameras.format", "cameras: { format: YUYV }" },
     { "cameras.controls", "cameras: { controls: { gain: 3 } }" },
     { "cameras.bind", "cameras: { bind: [ { row: 0, col: 0, serial: A } ] }" },
+    { "genicam.gain", "genicam: { gain: 3 }" },
+    { "genicam.action_address", "genicam: { action_address: 10.0.0.255 }" },
     { "trigger.source", "trigger: { source: software }" },
     { "trigger.lines", "trigger: { lines: [ TRIG0 ] }" },
     { "live.black_level", "live: { black_level: 3, white_level: 9 }" },

@@ -131,33 +131,42 @@ static void raw_means(struct block_means *c, const struct sst_raw *raw, const ui
     const int cols = (raw->width + CELL - 1) / CELL, rows = (raw->height + CELL - 1) / CELL;
     int red_x = 0, red_y = 0;
     const bool bayer = sst_raw_red(raw->fourcc, &red_x, &red_y), yuyv = raw->fourcc == V4L2_PIX_FMT_YUYV;
-    const size_t bytes = yuyv || raw->fourcc == V4L2_PIX_FMT_Y16 ? 2 : 1;
+    const bool rgb = raw->fourcc == V4L2_PIX_FMT_RGB24;
+    const size_t bytes = rgb ? 3 : yuyv || raw->fourcc == V4L2_PIX_FMT_Y16 ? 2 : 1;
     struct samples all = {
         .x0 = raw->fourcc == V4L2_PIX_FMT_Y16 && !level, .dx = bytes, .dy = 1, .columns = raw->width, .per_cell = CELL,
         .level = raw->fourcc == V4L2_PIX_FMT_Y16 ? level : NULL,
     };
 
-    c->planes = bayer || yuyv ? 3 : 1;
+    c->planes = bayer || yuyv || rgb ? 3 : 1;
     for (int p = 0; p < c->planes; p++)
         set_plane(&c->plane[p], (struct mean_plane){ cols, rows, CELL, CELL, p && yuyv ? 1024 : 0, NULL });
     mean_plane(c, 0, raw, &all);
     for (int p = 1; p < c->planes; p++) {
         const int x = p == 1 ? red_x : 1 - red_x, y = p == 1 ? red_y : 1 - red_y;
-        const struct samples colour = { .x0 = yuyv ? (size_t)(2 * p - 1) : (size_t)x,
-                                        .dx = yuyv ? 4 : 2,
-                                        .y0 = yuyv ? 0 : y,
-                                        .dy = yuyv ? 1 : 2,
-                                        .zero = c->plane[p].zero,
-                                        .columns = yuyv ? raw->width / 2 : (raw->width - x + 1) / 2,
-                                        .per_cell = CELL / 2 };
+        struct samples colour = { .x0 = yuyv ? (size_t)(2 * p - 1) : (size_t)x,
+                                  .dx = yuyv ? 4 : 2,
+                                  .y0 = yuyv ? 0 : y,
+                                  .dy = yuyv ? 1 : 2,
+                                  .zero = c->plane[p].zero,
+                                  .columns = yuyv ? raw->width / 2 : (raw->width - x + 1) / 2,
+                                  .per_cell = CELL / 2 };
 
+        if (rgb) {
+            colour = all;
+            colour.x0 = (size_t)p;
+        }
         mean_plane(c, p, raw, &colour);
     }
 }
 
 static size_t row_bytes(const struct decoder *d)
 {
-    return (size_t)d->width * (d->fourcc == V4L2_PIX_FMT_YUYV || d->fourcc == V4L2_PIX_FMT_Y16 ? 2 : 1);
+    const size_t bytes = d->fourcc == V4L2_PIX_FMT_RGB24                                           ? 3
+                         : d->fourcc == V4L2_PIX_FMT_YUYV || d->fourcc == V4L2_PIX_FMT_Y16 ? 2
+                                                                                                   : 1;
+
+    return (size_t)d->width * bytes;
 }
 
 static int raw_of(struct decoder *d, const struct decoder_frame *frame, struct sst_raw *raw)
@@ -416,7 +425,7 @@ static bool is_raw(uint32_t fourcc, int width)
 {
     int x, y;
 
-    return fourcc == V4L2_PIX_FMT_GREY || fourcc == V4L2_PIX_FMT_Y16 ||
+    return fourcc == V4L2_PIX_FMT_GREY || fourcc == V4L2_PIX_FMT_Y16 || fourcc == V4L2_PIX_FMT_RGB24 ||
            (fourcc == V4L2_PIX_FMT_YUYV && width % 2 == 0) || sst_raw_red(fourcc, &x, &y);
 }
 

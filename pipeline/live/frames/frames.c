@@ -152,7 +152,7 @@ static int open_all(struct sst_liveframes *f)
         err = decoder_create(&f->decoder[i], cfg->fourcc, cfg->width, cfg->height);
         if (err == -EINVAL)
             sst_log_error("the live view does not support frames of format %.4s with %dx%d pixels; choose MJPG, YUYV, "
-                          "GREY, Y16 or an 8-bit Bayer format",
+                          "GREY, Y16, RGB24 or an 8-bit Bayer format",
                           (const char *)&cfg->fourcc, cfg->width, cfg->height);
         if (err)
             return err;
