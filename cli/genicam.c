@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/file.h"
 #include "base/text.h"
 #include "cli/doctor_internal.h"
 
@@ -118,6 +119,23 @@ static void report_clocks(struct doctor *d, const struct clocks *c)
                    c->masters == 1 ? " among them" : "", (double)c->worst_ns / 1e3);
 }
 
+/* Packets of a frame come faster than a busy machine reads them; Aravis asks for room for one, the kernel has a limit. */
+static void check_buffer(struct doctor *d)
+{
+    const struct sst_array_config *a = d->cfg;
+    const char *format = sst_array_format_name(a->fourcc);
+    const long frame = (long)a->width * a->height * (!strcmp(format, "Y16") ? 2 : !strcmp(format, "RGB24") ? 3 : 1);
+    char line[32];
+    long limit;
+
+    limit = atol(sst_file_line(line, sizeof(line), "/proc/sys/net/core/rmem_max"));
+    if (limit > 0 && limit < frame)
+        doctor_add(d, DOCTOR_WARNING, "genicam",
+                   "the kernel holds %ld bytes of received packets, a frame has %ld: on a busy machine packets are lost; "
+                   "sysctl -w net.core.rmem_max=33554432, and put it into /etc/sysctl.d",
+                   limit, frame);
+}
+
 void doctor_check_genicam(struct doctor *d)
 {
     const struct sst_array_config *a = d->cfg;
@@ -160,4 +178,5 @@ void doctor_check_genicam(struct doctor *d)
         doctor_add(d, DOCTOR_OK, "genicam", "all %d GenICam cameras of the configuration answer", bound);
     if (a->genicam.ptp)
         report_clocks(d, &clocks);
+    check_buffer(d);
 }

@@ -311,6 +311,7 @@ int genicam_camera_create(struct genicam_camera *cam, struct sst_genicam *array,
     snprintf(cam->name, sizeof(cam->name), "camera %s", *binding->id ? binding->id : binding->address);
     snprintf(cam->device.serial, sizeof(cam->device.serial), "%s", binding->id);
     snprintf(cam->device.port, sizeof(cam->device.port), "%s", binding->address);
+    cam->shown = cam->device;
     pthread_mutex_init(&cam->lock, NULL);
     sst_cond_init(&cam->wake);
     err = -pthread_create(&cam->thread, NULL, run, cam);

@@ -181,6 +181,8 @@ static void poll_camera(struct sst_genicam *g, struct genicam_camera *cam)
     cam->changed = false;
     state = cam->state;
     memcpy(why, cam->why, sizeof(why));
+    if (changed)
+        cam->shown = cam->device;
     pthread_mutex_unlock(&cam->lock);
     if (changed) {
         cam->seen = state;
@@ -234,7 +236,7 @@ enum sst_grab_state sst_genicam_camera_state(const struct sst_genicam *g, int ca
 
 const struct sst_grab_device *sst_genicam_camera_device(const struct sst_genicam *g, int cam)
 {
-    return &g->camera[cam].device;
+    return &g->camera[cam].shown;
 }
 
 void sst_genicam_counters(const struct sst_genicam *g, int cam, struct sst_grab_counters *out)

@@ -201,8 +201,9 @@ struct genicam_camera {
     uint64_t hash;
     bool hashed;
     int64_t settle_ns; /* before this time frames only teach the clock; 0: not yet known */
-    /* polling thread */
+    /* polling thread: as of the last poll */
     enum sst_grab_state seen;
+    struct sst_grab_device shown;
 };
 
 struct sst_genicam {

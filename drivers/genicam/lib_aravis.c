@@ -438,10 +438,9 @@ static int apply(struct genicam_lib *lib, char *why, char *note)
 
 static void on_control_lost(ArvDevice *device SST_UNUSED, void *arg)
 {
-    struct genicam_lib *lib = arg;
+    const struct genicam_lib *lib = arg;
 
-    if (lib->events.lost)
-        lib->events.lost(lib->events.arg);
+    lib->events.lost(lib->events.arg);
 }
 
 static int create_slots(struct genicam_lib *lib)
@@ -521,7 +520,6 @@ int genicam_lib_open(struct genicam_lib **out, const struct genicam_lib_query *q
     err = apply(lib, why, note);
     if (err)
         goto fail;
-    g_signal_connect(arv_camera_get_device(lib->camera), "control-lost", G_CALLBACK(on_control_lost), lib);
     *out = lib;
     return 0;
 
@@ -606,6 +604,7 @@ int genicam_lib_start(struct genicam_lib *lib, const struct genicam_lib_events *
     if (err)
         return err;
     lib->events = *events;
+    g_signal_connect(arv_camera_get_device(lib->camera), "control-lost", G_CALLBACK(on_control_lost), lib);
     lib->stream = arv_camera_create_stream(lib->camera, on_buffer, lib, &error);
     if (lib->stream) {
         set_stream(lib);

@@ -29,7 +29,7 @@ c = r["array"]
 frames, buckets = sum(x["frames"] for x in c), sum(sum(x["buckets"].values()) for x in c)
 total = {k: sum(x["buckets"][k] for x in c) for k in c[0]["buckets"]}
 print(f"{sys.argv[1]}: {frames} frames, {frames - buckets} unexplained; lost before {sum(x['lost'] for x in c)}; {total}; "
-      f"packets missing {sum(x.get('packets_missing', 0) for x in c)}")
+      f"packets missing {sum(x['packets_missing'] for x in c)}; {r['cpu_seconds']:.0f} s of CPU in {r['seconds']:.0f} s")
 sys.exit(not (frames == buckets and not r["frames"]["unexplained"] and eval(sys.argv[2])))
 PY
 }
