@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Aravis 0.8.26: a program that may open packet sockets (root) receives GigE Vision frames through one by default. It is open before its
-# filter is set, so packets of other cameras of that network that come in between are in its queue: their frames are delivered as those of
-# this camera, mostly incomplete, and its own frames are discarded as late where the others' numbers are higher, for seconds.
+# filter is set, so packets of other cameras of that network that come in between are in its queue: their frames are delivered as this
+# camera's, mostly incomplete, and its own frames are discarded as late where the others' numbers are higher, for seconds.
 # ARV_GV_STREAM_OPTION_PACKET_SOCKET_DISABLED avoids it.
 . "$(dirname "$0")/../scripts/finding.sh"
 [ "$(id -u)" -eq 0 ] || { echo "network namespaces and packet sockets need root"; exit 2; }

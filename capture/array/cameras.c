@@ -24,7 +24,7 @@ struct cameras {
     struct part v4l2, other;
     int fd; /* epoll of both */
     enum sst_config_kind kind[SST_CAMERAS_MAX];
-    int index[SST_CAMERAS_MAX]; /* of a camera of the array among those of its kind */
+    int index[SST_CAMERAS_MAX]; /* of a camera of the array among the cameras of its kind */
 };
 
 /* --- events ------------------------------------------------------------------------------------------------------- */

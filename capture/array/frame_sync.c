@@ -207,7 +207,7 @@ static int64_t window_of(const struct sst_framesync *s)
     return s->cfg.match == SST_FRAMESYNC_FREE ? (int64_t)(0.75 * s->period_ns) : s->cfg.window_ns;
 }
 
-/* Time of a trigger in the middle of whose window a frame of camera cam with this stamp lies. */
+/* Time of the trigger for which a stamp of camera cam lies in the middle of the window. */
 static int64_t due_of(const struct sst_framesync *s, int cam, int64_t t_ns)
 {
     return t_ns - s->cfg.delay_ns[cam] - (s->cfg.commanded[cam] ? s->cfg.window_ns / 8 * 7 : 0);

@@ -82,7 +82,7 @@ int genicam_action_open(void)
     return fd;
 }
 
-/* Scheduled time by the clock of the first camera that is synchronised: all of them have the master's time. */
+/* Scheduled time by the clock of the first camera that is synchronised: all cameras have the master's time. */
 static uint64_t scheduled_ns(struct sst_genicam *g, int64_t t_ns)
 {
     int64_t at_ns = 0;

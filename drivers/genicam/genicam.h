@@ -81,7 +81,7 @@ void sst_genicam_config_defaults(struct sst_genicam_config *cfg);
 bool sst_genicam_has_format(uint32_t fourcc);
 
 /**
- * Start to search, open and set up all cameras, each on a thread of its own; those that are missing are searched until
+ * Start to search, open and set up all cameras, each on a thread of its own; missing cameras are searched until
  * they are found. Waits up to 8 s until all are ready or have failed.
  *
  * @param events  as of sst_grab_open(), called by sst_genicam_poll()

@@ -229,7 +229,7 @@ void genicam_receive(void *cam, struct genicam_slot *slot);
 /** Open the socket of action commands. @return descriptor or -errno, logged */
 SST_MUST_CHECK int genicam_action_open(void);
 void genicam_action_send(struct sst_genicam *g, int64_t t_ns);
-/** Count what came back. */
+/** Count acknowledgements and refusals. */
 void genicam_action_receive(struct sst_genicam *g);
 
 #endif

@@ -553,7 +553,7 @@ static void fill(struct genicam_lib *lib, struct genicam_slot *slot, ArvBuffer *
         genicam_unpack((uint8_t *)slot->frame.data, (size_t)lib->cfg.width * (size_t)lib->cfg.height, lib->pixels);
 }
 
-/* On the thread that receives packets: the socket's buffer holds those that come meanwhile. */
+/* On the thread that receives packets: the socket's buffer holds the next ones meanwhile. */
 static void on_buffer(void *arg, ArvStreamCallbackType type, ArvBuffer *done SST_UNUSED)
 {
     struct genicam_lib *lib = arg;
@@ -575,7 +575,7 @@ static void on_buffer(void *arg, ArvStreamCallbackType type, ArvBuffer *done SST
     }
 }
 
-/* What is known of an image comes with its first packet: without that, nothing of the buffer's last one remains. */
+/* Number and stamps of an image come with its first packet; without that packet, they must not be the last image's. */
 static void give(struct genicam_lib *lib, struct genicam_slot *slot)
 {
     arv_buffer_set_frame_id(slot->buffer, 0);

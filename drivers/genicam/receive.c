@@ -9,7 +9,7 @@
 #define SETTLE_NS   INT64_C(1000000000)
 #define BELIEVED_NS INT64_C(1000000000) /* a frame's stamp is never so far from its arrival */
 
-/* Cameras that run on their own are compared by their stamps from the first frame on: it waits until those are right. By a
+/* Cameras that run on their own are compared by their stamps from the first frame on: it waits until the stamps are right. By a
  * clock that was read they are at once. */
 static bool settles_locked(struct genicam_camera *cam, const struct genicam_slot *slot)
 {

@@ -1,4 +1,4 @@
-/* Fuzz target: what comes from GenICam cameras: acknowledgements of actions, packed samples, numbers and stamps of frames. */
+/* Fuzz target: messages of GenICam cameras: acknowledgements of actions, packed samples, numbers and stamps of frames. */
 #include <stdlib.h>
 #include <string.h>
 

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Fake GigE cameras, each in a network namespace of its own, on a network that loses packets: every frame is in one bucket, no set is
-# mixed, numbers of frames wrap at 16 bits, and a camera whose cable was cut comes back. Then V4L2 and GenICam cameras in one array,
+# mixed, numbers of frames wrap at 16 bits, and a camera comes back after its cable was cut. Then V4L2 and GenICam cameras in one array,
 # exposed by one trigger. MINUTES=10, CAMERAS=16, LOSS=10 (of 1000 packets), RATE=10 (Hz), MIXED=18 (cameras of each kind; 0: none).
 set -u
 . "$(dirname "$0")/../lib.sh"
@@ -20,7 +20,7 @@ judge_sets() {
   for i in $(seq "$3" "$4"); do logs+=("$i=camera$((i - $3 + 1)).out"); done
   python3 "$root/tests/genicam_sets.py" "$1" "$2" "${logs[@]}" || fail "sets of $1 are mixed"
 }
-# account WHAT [WORDS]: every frame is in one bucket
+# account NAME [CONDITION]: every frame is in one bucket
 account() {
   python3 - "$1" "${2:-True}" <<'PY' || fail "$1: frames without a bucket, or not $2"
 import json, sys

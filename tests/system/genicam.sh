@@ -36,7 +36,7 @@ assert frames[0] + r["array"][0]["lost"] <= 15 and r["array"][0]["buckets"]["set
 PY
 python3 "$root/tests/genicam_sets.py" rec 0.2 0=camera1.out 1=camera2.out >sets || fail "mixed sets: $(cat sets)"
 
-# Settings that a camera has not are named with it; what none of them can be is refused before.
+# Settings that a camera has not are named with it; values that no camera can have are refused before.
 sed 's/exposure_us: 10000/gain: 3.5, pixel_format: Mono12/; s/GREY/Y16/' a.yaml >bad.yaml
 in_array timeout 20 "$sst" capture array --config bad.yaml -n 1 >/dev/null 2>err && fail "a format that no camera has"
 grep -q 'camera G[12]: it has no pixel format for cameras: format and genicam: Mono12; it has.* Mono16' err || fail "format: $(cat err)"
