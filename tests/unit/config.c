@@ -266,6 +266,18 @@ static void single_faults_are_told(void **state)
     static const char *const bad[][2] = {
         { "web: { prot: 1 }\n", "c.yaml:1:8: unknown key `prot`; did you mean `port`?" },
         { "wbe: {}\n", "did you mean `web`?" },
+        { "cameras: { bind: [ { row: 0, col: 0, kind: genicam, serial: A } ] }\n", "MJPEG is no format of GenICam cameras" },
+        { "cameras: { format: GREY, bind: [ { row: 0, col: 0, kind: genicam } ] }\n", "or its address as port" },
+        { "cameras: { format: GREY, bind: [ { row: 0, col: 0, kind: genicam, serial: A } ] }\n"
+          "trigger: { source: software }\n",
+          "wire needs pulses" },
+        { "cameras: { format: GREY, bind: [ { row: 0, col: 0, kind: genicam, serial: A }, { row: 0, col: 1, serial: B } ] }\n"
+          "trigger: { source: software }\ngenicam: { trigger: action }\n",
+          "timer ticks cannot expose V4L2 cameras" },
+        { "cameras: { format: GREY, bind: [ { row: 0, col: 0, kind: genicam, port: 10.0.0.7 } ] }\n"
+          "genicam: { action_delay_us: 500 }\n",
+          "needs genicam: ptp: true" },
+        { "cameras: { bind: [ { row: 0, col: 0, kind: genicm, serial: A } ] }\n", "genicam" },
         { "hook: []\n", "did you mean `hooks`?" },
         { "web: 5\n", "1:6: web must contain keys" },
         { "live: [ { name: a } ]\n", "1:7: live must contain keys" },
