@@ -52,8 +52,8 @@ class Frame:
 
     def raw(self):
         """Samples as the camera sent them: (height, width) uint8 (GREY, Bayer) or uint16 (Y16), (height, width, 2) uint8 (YUYV: luma and
-        chroma). Raises FormatError: a JPEG, or fewer bytes than its size needs."""
-        bytes_of = {"GREY": 1, "Y16": 2, "YUYV": 2, **{k: 1 for k in _BAYER}}
+        chroma), (height, width, 3) uint8 (RGB3). Raises FormatError: a JPEG, or fewer bytes than its size needs."""
+        bytes_of = {"GREY": 1, "Y16": 2, "YUYV": 2, "RGB3": 3, **{k: 1 for k in _BAYER}}
         if self.pixel_format not in bytes_of:
             self._fault(f"is {self.pixel_format}, which has no raw samples; use rgb()")
         row = self.width * bytes_of[self.pixel_format]
@@ -64,7 +64,8 @@ class Frame:
         rows = np.frombuffer(padded, np.uint8).reshape(self.height, stride)[:, :row]
         if self.pixel_format == "Y16":
             return np.ascontiguousarray(rows).view("<u2").astype(np.uint16)
-        return np.ascontiguousarray(rows.reshape(self.height, self.width, 2) if self.pixel_format == "YUYV" else rows)
+        planes = bytes_of[self.pixel_format]
+        return np.ascontiguousarray(rows.reshape(self.height, self.width, planes) if planes > 1 else rows)
 
     def jpeg(self):
         """A whole JPEG: `data`, or where it has only differences from an earlier frame (faults 256) joined with that one. Raises FormatError:
