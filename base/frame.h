@@ -33,6 +33,8 @@ struct sst_frame {
     size_t stride;     /* bytes; 0 for compressed formats */
     const uint8_t *data;
     size_t bytes;
+    size_t row_bytes;     /* of a view of a wider picture: bytes of a row that are its own, `bytes` ends with its last
+                             row; 0: all bytes are the frame's */
     uint32_t sequence;    /* of the driver */
     uint32_t lost_before; /* frames lost just before this one, by a gap in the sequence */
     int64_t t_ns;         /* start of exposure, by the driver; with ARRIVAL the time of arrival */
@@ -40,5 +42,12 @@ struct sst_frame {
     unsigned faults;      /* sst_frame_fault */
     void *pool;           /* private to the driver */
 };
+
+/** Bytes of a frame's own picture. */
+size_t sst_frame_packed_bytes(const struct sst_frame *f);
+
+/** Copy a frame's picture, of a view its own bytes of each row alone. @param to  out: the frame with that picture
+ *  @param at  out, [sst_frame_packed_bytes()] @return bytes that were written */
+size_t sst_frame_pack(struct sst_frame *to, uint8_t *at, const struct sst_frame *from);
 
 #endif

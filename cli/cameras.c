@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "base/log.h"
+#include "capture/array/capture.h"
 #include "cli/cli_internal.h"
 
 /* --- cameras of the service, as a grid of frame rates seen from behind -------------------------------------------- */
@@ -349,7 +350,8 @@ static int local(const char *config, bool json)
     if (err)
         return err;
     (void)sst_grab_select(devices, count, cfg.fourcc);
-    err = sst_still_list(&stills->device, &stills->count);
+    err = sst_grab_list_parts(&devices, &count, &all, sst_capture_split(&cfg));
+    err = err ? err : sst_still_list(&stills->device, &stills->count);
     err = err ? err : cli_genicam_list(&genicams->device, &genicams->count);
     if (err) {
         free(stills->device);

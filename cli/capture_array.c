@@ -177,8 +177,12 @@ int cli_open_recorder(struct sst_recorder **out, const struct sst_array_config *
     if (!tracks)
         return -ENOMEM;
     err = sst_grab_list(&devices, &n);
-    if (!err)
+    if (!err) {
+        int all = n;
+
         (void)sst_grab_select(devices, n, c->fourcc);
+        err = sst_grab_list_parts(&devices, &n, &all, sst_capture_split(c));
+    }
     for (int i = 0; i < c->bound && !err; i++) {
         const struct sst_config_camera *cam = &c->camera[i];
 

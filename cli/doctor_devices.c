@@ -155,6 +155,11 @@ void doctor_check_cameras(struct doctor *d)
     n = sst_grab_select(list, all, d->cfg->fourcc);
     check_answers(d, list, n);
     check_serials(d, list, n);
+    if (sst_grab_list_parts(&list, &n, &all, sst_capture_split(d->cfg))) {
+        doctor_add(d, DOCTOR_PROBLEM, "cameras", "no memory for a list of cameras");
+        free(list);
+        return;
+    }
     if (d->cfg->bound) {
         check_places(d, list, n, all);
     } else {

@@ -9,6 +9,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "base/text.h"
+#include "capture/array/capture.h"
 #include "cli/cli_internal.h"
 #include "cli/doctor_internal.h"
 #include "pipeline/image/codec.h"
@@ -333,8 +334,10 @@ static int write_bindings(const struct session *s, const struct sst_array_config
                         "cameras:\n  bind:\n");
     for (int i = 0; i < s->count && i < cfg->rows * cfg->cols; i++) {
         const bool serial = serial_is_unique(s, i);
+        int row, col;
 
-        fprintf(out.stream, "    - { row: %d, col: %d, %s: \"%s\"", i / cfg->cols, i % cfg->cols,
+        sst_array_place(cfg, i, &row, &col);
+        fprintf(out.stream, "    - { row: %d, col: %d, %s: \"%s\"", row, col,
                 serial ? "serial" : "port", serial ? s->shots[i].device.serial : s->shots[i].device.port);
         if (s->shots[i].device.nth > 1)
             fprintf(out.stream, ", node: %d", s->shots[i].device.nth);
@@ -350,17 +353,18 @@ static int choose(struct session *s, const struct sst_array_config *cfg, const c
 {
     struct sst_grab_device *devices;
     struct cli_place *place = NULL;
-    int count, err = sst_grab_list(&devices, &count);
+    int count, all, err = sst_grab_list(&devices, &count);
 
     if (err)
         return err;
+    (void)sst_grab_select(devices, count, cfg->fourcc);
+    all = count;
+    err = sst_grab_list_parts(&devices, &count, &all, sst_capture_split(cfg));
     s->shots = calloc((size_t)count + 1, sizeof(*s->shots));
     place = calloc((size_t)count + 1, sizeof(*place));
-    err = s->shots && place ? 0 : -ENOMEM;
-    if (!err) {
-        (void)sst_grab_select(devices, count, cfg->fourcc);
+    err = err ? err : s->shots && place ? 0 : -ENOMEM;
+    if (!err)
         cli_places(place, cfg, devices, count);
-    }
     for (int i = 0; !err && i < count && s->count < SST_CAMERAS_MAX; i++) {
         if ((serial && strcmp(serial, devices[i].serial) != 0) || (port && strcmp(port, devices[i].port) != 0) ||
             (*devices[i].left_out && place[i].row < 0))

@@ -3,6 +3,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "capture/array/capture.h"
+
 bool cli_is_bound(const struct sst_config_camera *c, const char *serial, const char *port)
 {
     if (c->kind != SST_CONFIG_V4L2)
@@ -21,7 +23,7 @@ void cli_places(struct cli_place *place, const struct sst_array_config *cfg, con
     for (int i = 0; i < count; i++) {
         place[i] = (struct cli_place){ -1, -1 };
         if (!cfg->bound && !*devices[i].left_out && i < cfg->rows * cfg->cols)
-            place[i] = (struct cli_place){ i / cfg->cols, i % cfg->cols };
+            sst_array_place(cfg, i, &place[i].row, &place[i].col);
         for (int k = 0; k < cfg->bound; k++) {
             if (cli_is_node(&cfg->camera[k], &devices[i]))
                 place[i] = (struct cli_place){ cfg->camera[k].row, cfg->camera[k].col };
@@ -50,10 +52,15 @@ const char *cli_place_text(char text[16], struct cli_place place)
 
 void cli_grab_config(struct sst_grab_config *grab, const struct sst_array_config *cfg)
 {
+    struct sst_grab_config whole;
+
+    sst_capture_grab_config(&whole, cfg);
     sst_grab_config_defaults(grab);
     grab->fourcc = cfg->fourcc;
     grab->width = cfg->width;
     grab->height = cfg->height;
+    grab->split = whole.split;
+    grab->cutter = whole.cutter;
     grab->rate_hz = cfg->rate_hz;
     grab->stall_ms = cfg->stall_ms;
     /* Cameras in triggered mode would not send frames. */

@@ -30,8 +30,8 @@ static int print_json(const struct cli_usb *u, const struct sst_array_config *cf
                               json_pack("{s:s, s:f, s:f, s:i, s:i}", "name", s->name, "reserved_mbit", s->reserved_mbit,
                                         "limit_mbit", s->limit_mbit, "cameras", s->streams, "refused", s->refused));
     }
-    root = json_pack("{s:s?, s:i, s:i, s:f, s:I, s:i, s:o, s:o, s:s}", "format", format, "width", cfg->width, "height",
-                     cfg->height, "rate_hz", cfg->rate_hz, "needed_bytes_s", (json_int_t)u->needed_bytes_s, "refused",
+    root = json_pack("{s:s?, s:i, s:i, s:s, s:f, s:I, s:i, s:o, s:o, s:s}", "format", format, "width", cfg->width,
+                     "height", cfg->height, "split", cfg->split, "rate_hz", cfg->rate_hz, "needed_bytes_s", (json_int_t)u->needed_bytes_s, "refused",
                      u->plan.refused, "cameras", cameras, "segments", segments, "advice", advice);
     return cli_dump_json(root, JSON_INDENT(2));
 }
@@ -39,9 +39,14 @@ static int print_json(const struct cli_usb *u, const struct sst_array_config *cf
 static void print_text(const struct cli_usb *u, const struct sst_array_config *cfg, const char *advice)
 {
     const char *format = sst_array_format_name(cfg->fourcc);
+    int split[2];
+    const int parts = sst_array_split(cfg, split);
 
-    printf("%d cameras, %s %dx%d at %g/s: ", u->stream_count, format ? format : "?", cfg->width, cfg->height,
-           cfg->rate_hz);
+    if (parts > 1)
+        printf("%d devices with %s cameras each, ", u->stream_count, cfg->split);
+    else
+        printf("%d cameras, ", u->stream_count);
+    printf("%s %dx%d at %g/s: ", format ? format : "?", split[1] * cfg->width, split[0] * cfg->height, cfg->rate_hz);
     if (u->needed_bytes_s)
         printf("%.1f MB/s each\n", (double)u->needed_bytes_s / 1e6);
     else

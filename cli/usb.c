@@ -18,12 +18,39 @@ static void add_stream(struct cli_usb *u, int device)
     u->streams[u->stream_count++] = (struct sst_usb_stream){ .device = device, .needed_bytes_s = u->needed_bytes_s };
 }
 
+/* The device of a camera: of split pictures, without the part. */
+static struct sst_config_camera device_of(const struct sst_config_camera *c, int parts)
+{
+    struct sst_config_camera d = *c;
+
+    if (parts > 1) {
+        (void)sst_grab_part_of(d.serial, c->serial);
+        (void)sst_grab_part_of(d.port, c->port);
+    }
+    return d;
+}
+
+static bool is_chosen(const struct cli_usb *u, int device)
+{
+    int i = 0;
+
+    while (i < u->stream_count && u->streams[i].device != device)
+        i++;
+    return i < u->stream_count;
+}
+
 /* Two devices with one serial are both included: duplicates are reported elsewhere. */
 static void choose_cameras(struct cli_usb *u, const struct sst_array_config *cfg)
 {
+    int split[2];
+    const int parts = sst_array_split(cfg, split);
+
     for (int b = 0; b < cfg->bound; b++) {
+        const struct sst_config_camera bound = device_of(&cfg->camera[b], parts);
+
         for (int i = 0; i < u->count && u->stream_count < u->count; i++) {
-            if (is_camera(&u->devices[i]) && cli_is_bound(&cfg->camera[b], u->devices[i].serial, u->devices[i].port))
+            if (is_camera(&u->devices[i]) && cli_is_bound(&bound, u->devices[i].serial, u->devices[i].port) &&
+                (parts == 1 || !is_chosen(u, i)))
                 add_stream(u, i);
         }
     }
@@ -35,7 +62,7 @@ static void choose_cameras(struct cli_usb *u, const struct sst_array_config *cfg
 
 int cli_usb_open(struct cli_usb *u, const struct sst_array_config *cfg)
 {
-    int err;
+    int split[2], err;
 
     memset(u, 0, sizeof(*u));
     err = sst_usb_list(&u->devices, &u->count);
@@ -47,7 +74,9 @@ int cli_usb_open(struct cli_usb *u, const struct sst_array_config *cfg)
         cli_usb_close(u);
         return -ENOMEM;
     }
-    u->needed_bytes_s = sst_usb_format_bytes_s(cfg->fourcc, cfg->width, cfg->height, cfg->rate_hz);
+    (void)sst_array_split(cfg, split);
+    u->needed_bytes_s =
+        sst_usb_format_bytes_s(cfg->fourcc, split[1] * cfg->width, split[0] * cfg->height, cfg->rate_hz);
     choose_cameras(u, cfg);
     err = sst_usb_plan(&u->plan, u->devices, u->count, u->streams, u->stream_count);
     if (err)

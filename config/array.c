@@ -1,6 +1,7 @@
 #include "config/array.h"
 
 #include <errno.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -73,4 +74,60 @@ int sst_array_config_read(struct sst_array_config *cfg, const char *path)
         *cfg = all->array;
     free(all);
     return err;
+}
+
+/* --- split pictures ----------------------------------------------------------------------------------------------- */
+
+bool config_split(const char *text, int cells[2])
+{
+    if (strlen(text) != 3 || text[0] < '1' || text[0] > '8' || text[1] != 'x' || text[2] < '1' || text[2] > '8')
+        return false;
+    cells[0] = text[0] - '0';
+    cells[1] = text[2] - '0';
+    return cells[0] * cells[1] <= SST_CONFIG_PARTS_MAX;
+}
+
+int sst_array_split(const struct sst_array_config *cfg, int split[2])
+{
+    if (!config_split(cfg->split, split))
+        split[0] = split[1] = 1;
+    return split[0] * split[1];
+}
+
+void sst_array_place(const struct sst_array_config *cfg, int n, int *row, int *col)
+{
+    int split[2];
+    const int parts = sst_array_split(cfg, split);
+    const bool blocks = parts > 1 && cfg->rows % split[0] == 0 && cfg->cols % split[1] == 0;
+    const int across = blocks ? cfg->cols / split[1] : cfg->cols, device = n / parts, part = n % parts;
+
+    *row = blocks ? device / across * split[0] + part / split[1] : n / across;
+    *col = blocks ? device % across * split[1] + part % split[1] : n % across;
+}
+
+bool sst_array_split_fault(const struct sst_array_config *cfg, char *why, size_t size)
+{
+    const char *format = sst_array_format_name(cfg->fourcc);
+    int split[2], step[2] = { 1, 1 };
+    const int parts = sst_array_split(cfg, split);
+
+    if (parts == 1 || !format)
+        return false;
+    if (!strcmp(format, "MJPEG"))
+        step[0] = step[1] = 8;
+    else if (strcmp(format, "GREY") != 0 && strcmp(format, "Y16") != 0)
+        step[0] = 2; /* of YUYV two pixels share their colour, of Bayer patterns four */
+    if (strlen(format) == 5 && format[4] == '8')
+        step[1] = 2;
+    if (split[1] * cfg->width > SST_CONFIG_SIDE_MAX || split[0] * cfg->height > SST_CONFIG_SIDE_MAX) {
+        snprintf(why, size, "makes pictures of %dx%d from cameras of %dx%d, larger than the limit of %d; lower it, or width "
+                 "and height, which are those of one camera", split[1] * cfg->width, split[0] * cfg->height, cfg->width,
+                 cfg->height, SST_CONFIG_SIDE_MAX);
+        return true;
+    }
+    if ((split[1] == 1 || cfg->width % step[0] == 0) && (split[0] == 1 || cfg->height % step[1] == 0))
+        return false;
+    snprintf(why, size, "cuts %s pictures into cameras of %dx%d, whose edges lie within a group of pixels; set width to a "
+             "multiple of %d and height of %d, or another format", format, cfg->width, cfg->height, step[0], step[1]);
+    return true;
 }

@@ -10,6 +10,8 @@
 #define SST_CONFIG_PROXIES      8
 #define SST_CONFIG_CONTROLS_MAX 32
 #define SST_CONFIG_LINES_MAX    64
+#define SST_CONFIG_PARTS_MAX    16    /* cameras in a picture */
+#define SST_CONFIG_SIDE_MAX     16384 /* px of a picture */
 
 enum sst_config_source {
     SST_CONFIG_GPIO = 0,
@@ -70,6 +72,7 @@ struct sst_array_config {
     /* cameras: */
     uint32_t fourcc;
     int width, height, buffers, stall_ms;
+    char split[8]; /* "RxC": cameras of width x height in the picture of each device; "": 1x1 */
     double rate_hz;
     bool port_power, check_frozen;
     int controls;
@@ -141,6 +144,18 @@ static inline double sst_array_sets_hz(const struct sst_array_config *cfg)
 }
 
 void sst_array_config_defaults(struct sst_array_config *cfg);
+
+/** Rows and columns of cameras in the picture of a device. @return their number */
+int sst_array_split(const struct sst_array_config *cfg, int split[2]);
+
+/**
+ * Position in the grid of camera n, from 0, in the order of devices and of parts within each: row by row, and of split
+ * pictures in blocks of their form where the grid divides into them.
+ */
+void sst_array_place(const struct sst_array_config *cfg, int n, int *row, int *col);
+
+/** Why pictures of this format and size cannot be split: one sentence. @return false: they can */
+bool sst_array_split_fault(const struct sst_array_config *cfg, char *why, size_t size);
 
 /**
  * Read a configuration file (YAML; config/sstd.yaml explains every key) and the parts of conf.d beside it over the

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 #include <sys/stat.h>
@@ -98,11 +99,52 @@ static void check_genicam(const struct config_load *load)
               "needs genicam: ptp: true, the clock by which cameras execute scheduled actions");
 }
 
+/* The number after the last '#', and the bytes before it; 0: there is none. */
+static int part_of(const char *name, size_t *device)
+{
+    const char *mark = strrchr(name, '#');
+    const size_t digits = mark ? strspn(mark + 1, "0123456789") : 0;
+
+    *device = mark ? (size_t)(mark - name) : strlen(name);
+    return digits >= 1 && digits <= 2 && !mark[1 + digits] ? atoi(mark + 1) : 0;
+}
+
+/* Cameras in one picture are bound by device and part, and exposed together. */
+static void check_part(const struct config_place *p, const struct sst_yaml_node *at, const struct sst_array_config *a,
+                       int i)
+{
+    const struct sst_config_camera *c = &a->camera[i];
+    const char *name = c->serial[0] ? c->serial : c->port;
+    int split[2];
+    const int parts = sst_array_split(a, split);
+    size_t device, other;
+    const int part = part_of(name, &device);
+
+    if (parts == 1 || !name[0] || c->kind == SST_CONFIG_GENICAM)
+        return;
+    if (part < 1 || part > parts) {
+        fault(p, at, "has %s, but pictures of cameras: split %s have %d cameras; name one, such as \"%.*s#1\"", name,
+              a->split, parts, (int)device, name);
+        return;
+    }
+    for (int k = 0; k < i; k++) {
+        const struct sst_config_camera *o = &a->camera[k];
+        const char *before = c->serial[0] ? o->serial : o->port;
+
+        if (part_of(before, &other) && other == device && !strncmp(before, name, device) && o->node == c->node &&
+            o->line >= 0 && c->line >= 0 && o->line != c->line) {
+            fault(p, at, "exposes %s by another line than %s, which is in the same picture", name, before);
+            return;
+        }
+    }
+}
+
 static void check_bind(struct config_load *load)
 {
     const struct config_place *p = source(load, "cameras.bind", NULL);
     struct sst_array_config *a = &load->cfg->array;
     struct sst_yaml_node *n = elements(p);
+    int split[2];
 
     for (int i = 0; n && i < a->bound; i++, n = n->next) {
         struct sst_config_camera *c = &a->camera[i];
@@ -127,11 +169,12 @@ static void check_bind(struct config_load *load)
         if (line && *line->text && c->line < 0)
             sst_yaml_unknown(p->doc, line, "trigger line", "add it to trigger: lines");
         check_twice(p, n, a, i);
+        check_part(p, n, a, i);
     }
     /* Without `line`, the line of the camera's row exposes it if there is one per row, else the first line. */
     for (int i = 0; i < a->bound; i++)
         if (a->camera[i].line < 0)
-            a->camera[i].line = a->lines == a->rows ? a->camera[i].row : 0;
+            a->camera[i].line = a->lines == a->rows && sst_array_split(a, split) == 1 ? a->camera[i].row : 0;
 }
 
 static void check_lengths(const struct config_load *load)
@@ -190,6 +233,7 @@ void config_check_array(struct config_load *load)
 {
     const struct sst_array_config *a = &load->cfg->array;
     const bool gpio = a->source == SST_CONFIG_GPIO;
+    char why[256];
 
     if (a->rows * a->cols > SST_CAMERAS_MAX)
         fault(source(load, "array.cols", "array.rows"), NULL,
@@ -204,6 +248,8 @@ void config_check_array(struct config_load *load)
     if (a->source == SST_CONFIG_EXTERNAL && !a->loopback[0])
         fault(source(load, "trigger.source", "trigger.loopback"), NULL,
               "external needs trigger: loopback, the input on which the edges come (gpioinfo lists lines)");
+    if (sst_array_split_fault(a, why, sizeof(why)))
+        fault(source(load, "cameras.split", "cameras.width"), NULL, "%s", why);
     check_lengths(load);
     check_bind(load);
     check_genicam(load);

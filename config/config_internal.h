@@ -30,6 +30,9 @@ void config_parse(struct config_load *load, struct sst_yaml *doc, bool zones_onl
 /** Parse "x,y x,y x,y". @param x, y  out, [SST_ZONE_POINTS] @return number of points, 2: a line; 0: no line, no polygon */
 int config_points(const char *text, double *x, double *y);
 
+/** Parse "2x2", rows and columns of cameras in a picture. @return false: it is none */
+bool config_split(const char *text, int cells[2]);
+
 /** Resolve names that refer to other keys, and note contradictions between values. */
 void config_check_array(struct config_load *load);
 void config_check_service(struct config_load *load);

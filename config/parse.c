@@ -53,6 +53,7 @@ static bool right_kind(struct sst_yaml *doc, const struct sst_yaml_node *n, enum
 {
     const size_t size = strlen(n->text);
     double x[SST_ZONE_POINTS], y[SST_ZONE_POINTS];
+    int cells[2];
 
     switch (kind) {
     case SST_TEXT_ANY:
@@ -95,6 +96,14 @@ static bool right_kind(struct sst_yaml *doc, const struct sst_yaml_node *n, enum
                        "must be 3 to %d points \"x,y x,y x,y\" in fractions 0..1 of the picture that enclose an area, "
                        "or the 2 ends of a line, not %.60s",
                        SST_ZONE_POINTS, n->text);
+        return false;
+    case SST_TEXT_SPLIT:
+        if (config_split(n->text, cells))
+            return true;
+        sst_yaml_fault(doc, n,
+                       "must be rows x columns of cameras in a picture such as 2x2, or 1x4 side by side, at most %d, "
+                       "not %.60s",
+                       SST_CONFIG_PARTS_MAX, n->text);
         return false;
     }
     return false;

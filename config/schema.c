@@ -94,8 +94,9 @@ static const struct sst_key keys[] = {
     { KEY("array", "spacing_mm", DOUBLE, array.spacing_mm, "0", CAMERAS), RANGE(0, 1e5) },
 
     { KEY("cameras", "format", FORMAT, array.fourcc, "MJPEG", CAMERAS), CHOICE(sst_format_names) },
-    { KEY("cameras", "width", INT, array.width, "640", CAMERAS), RANGE(16, 16384) },
-    { KEY("cameras", "height", INT, array.height, "480", CAMERAS), RANGE(16, 16384) },
+    { KEY("cameras", "width", INT, array.width, "640", CAMERAS), RANGE(16, SST_CONFIG_SIDE_MAX) },
+    { KEY("cameras", "height", INT, array.height, "480", CAMERAS), RANGE(16, SST_CONFIG_SIDE_MAX) },
+    { KEY("cameras", "split", TEXT, array.split, "1x1", CAMERAS), KIND(SPLIT) },
     { KEY("cameras", "rate_hz", DOUBLE, array.rate_hz, "10", CAMERAS), RANGE(0.01, 1000) },
     { KEY("cameras", "buffers", INT, array.buffers, "8", CAMERAS), RANGE(2, 32) },
     { KEY("cameras", "stall_ms", INT, array.stall_ms, "1000", CAMERAS), RANGE(10, 600000) },

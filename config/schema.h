@@ -32,6 +32,7 @@ enum sst_text_kind {
     SST_TEXT_EVENT = 6,   /* type of an event, or "*" */
     SST_TEXT_POINTS = 7,  /* "x,y x,y x,y": a polygon, or a line, in fractions of the picture */
     SST_TEXT_URL = 8,     /* http://... or https://..., without query and fragment */
+    SST_TEXT_SPLIT = 9,   /* "2x2": rows and columns of cameras in a picture */
 };
 
 #define SST_KEY_NO_COUNT ((size_t)-1)

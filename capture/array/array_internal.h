@@ -62,6 +62,9 @@ void health_set(struct health *h, int cam);
  */
 int health_log(struct health *h, int cameras, const char (*name)[SST_HEALTH_NAME]);
 
+/** Cutter of JPEGs that show several cameras. */
+extern const struct sst_grab_cutter array_jpeg_cutter;
+
 /* --- cameras of this host, of all kinds --------------------------------------------------------------------------- */
 
 struct cameras; /* opaque */

@@ -252,12 +252,18 @@ static void process_edges(struct sst_capture *c)
 /* Without `bind`: all cameras in the order of their ports fill the grid row by row, one of each device. */
 static int bind_all(struct sst_array_config *a, bool again)
 {
+    const struct sst_grab_split split = sst_capture_split(a);
     struct sst_grab_device *devices;
     int all, n, err = sst_grab_list(&devices, &all);
 
     if (err)
         return err;
     n = sst_grab_select(devices, all, a->fourcc);
+    err = sst_grab_list_parts(&devices, &n, &all, split);
+    if (err) {
+        free(devices);
+        return err;
+    }
     for (int i = n; i < all && !again; i++)
         sst_log_warning("%s (port %s) is no camera of the array: %s; cameras: bind can choose it by port and node: %d",
                         devices[i].node, devices[i].port, devices[i].left_out, devices[i].nth);
@@ -272,12 +278,16 @@ static int bind_all(struct sst_array_config *a, bool again)
     a->bound = sst_min_int(n, a->rows * a->cols);
     for (int i = 0; i < a->bound; i++) {
         struct sst_config_camera *cam = &a->camera[i];
+        char port[SST_GRAB_NAME_MAX];
 
-        *cam = (struct sst_config_camera){ .row = i / a->cols, .col = i % a->cols };
-        cam->line = a->lines == a->rows ? cam->row : 0;
+        *cam = (struct sst_config_camera){ 0 };
+        sst_array_place(a, i, &cam->row, &cam->col);
+        cam->line = a->lines == a->rows && split.rows * split.cols == 1 ? cam->row : 0;
         memcpy(cam->port, devices[i].port, sizeof(cam->port)); /* serials may be equal or absent, ports never are */
+        if (!sst_grab_part_of(port, cam->port) || split.rows * split.cols == 1)
+            memcpy(port, cam->port, sizeof(port));
         for (int k = n; k < all; k++) /* the node that was selected on its device */
-            if (!strcmp(devices[k].port, devices[i].port))
+            if (!strcmp(devices[k].port, port))
                 cam->node = devices[i].nth;
     }
     free(devices);
@@ -344,12 +354,22 @@ static int open_cameras(struct sst_capture *c)
     return err;
 }
 
+struct sst_grab_split sst_capture_split(const struct sst_array_config *a)
+{
+    int split[2];
+
+    (void)sst_array_split(a, split);
+    return (struct sst_grab_split){ split[0], split[1] };
+}
+
 void sst_capture_grab_config(struct sst_grab_config *cfg, const struct sst_array_config *a)
 {
     sst_grab_config_defaults(cfg);
     cfg->fourcc = a->fourcc;
     cfg->width = a->width;
     cfg->height = a->height;
+    cfg->split = sst_capture_split(a);
+    cfg->cutter = &array_jpeg_cutter;
     cfg->rate_hz = a->rate_hz;
     cfg->buffers = a->buffers;
     cfg->stall_ms = a->stall_ms;

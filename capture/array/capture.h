@@ -72,6 +72,8 @@ void sst_capture_camera(const struct sst_capture *capture, int cam, struct sst_g
 
 /** Clock of a GenICam camera by PTP. @return false: it is of another kind */
 bool sst_capture_ptp(const struct sst_capture *capture, int cam, struct sst_genicam_ptp *out);
+/** Cameras in the picture of each device. */
+struct sst_grab_split sst_capture_split(const struct sst_array_config *array);
 
 /** Settings of the cameras in an array's configuration, without bindings. */
 void sst_capture_grab_config(struct sst_grab_config *cfg, const struct sst_array_config *array);

@@ -124,11 +124,7 @@ static void fill(struct slot *s, const struct sst_frameset *set)
         if (!set->frame[i])
             continue;
         n++;
-        *f = *set->frame[i];
-        f->pool = NULL;
-        memcpy(at, f->data, f->bytes);
-        f->data = at;
-        at += f->bytes;
+        at += sst_frame_pack(f, at, set->frame[i]);
         s->kept.bytes += f->bytes;
         s->kept.set.frame[i] = f;
     }
@@ -140,7 +136,7 @@ int sst_ring_put(struct sst_ring *r, const struct sst_frameset *set)
     struct slot *s;
 
     for (int i = 0; i < set->cameras; i++)
-        size += set->frame[i] ? set->frame[i]->bytes : 0;
+        size += set->frame[i] ? sst_frame_packed_bytes(set->frame[i]) : 0;
     size = sst_mem_stride(size, 1);
     pthread_mutex_lock(&r->lock);
     s = (struct slot *)(void *)reserve_locked(r, size);

@@ -34,7 +34,7 @@ static int on_set(void *arg, const struct sst_frameset *set)
     uint8_t *at;
 
     for (int i = 0; i < set->cameras; i++)
-        bytes += set->frame[i] ? set->frame[i]->bytes : 0;
+        bytes += set->frame[i] ? sst_frame_packed_bytes(set->frame[i]) : 0;
     to = head_set_acquire(l->head, LINK_OWN, set->present, 0, bytes);
     if (!to)
         return -ENOBUFS;
@@ -48,10 +48,8 @@ static int on_set(void *arg, const struct sst_frameset *set)
         to->frame[i] = (struct sst_frame){ 0 };
         if (!f)
             continue;
-        to->frame[i] = *f;
+        at += sst_frame_pack(&to->frame[i], at, f);
         to->frame[i].t_ns = f->t_ns - delay_ns - set->t_ns;
-        to->frame[i].data = memcpy(at, f->data, f->bytes);
-        at += f->bytes;
     }
     head_set_pass(l->head, to);
     return 0;

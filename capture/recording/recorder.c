@@ -15,6 +15,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/mem.h"
 #include "capture/recording/recording_internal.h"
 
 #define RETRY_NS 500000000 /* between attempts while writing fails */
@@ -39,6 +40,7 @@ struct sst_recorder {
     uint64_t dropped_in_row;
     int64_t offset[SST_CAMERAS_MAX];
     uint32_t crc32[SST_CAMERAS_MAX];
+    struct sst_mem_kept views; /* pictures of the set's views, packed */
     char line[2 * MANIFEST_LINE_MAX];
 };
 
@@ -411,12 +413,44 @@ static int drop(struct sst_recorder *r)
     return r->failing;
 }
 
+/* The set with the pictures of views on their own. @return it, or `set` where it has none; NULL: no memory */
+static const struct sst_frameset *pack_views(struct sst_recorder *r, const struct sst_frameset *set)
+{
+    size_t bytes = 0;
+    uint8_t *at;
+    int n = 0;
+
+    for (int k = 0; k < set->cameras; k++)
+        bytes += set->frame[k] && set->frame[k]->row_bytes ? sst_frame_packed_bytes(set->frame[k]) : 0;
+    if (!bytes)
+        return set;
+    at = sst_mem_keep(&r->views, sizeof(*set) + sizeof(struct sst_frame) * (size_t)set->cameras + bytes, 1);
+    if (!at)
+        return NULL;
+    struct sst_frameset *packed = (void *)at;
+    struct sst_frame *frame = (void *)(packed + 1);
+
+    *packed = *set;
+    at = (uint8_t *)(frame + set->cameras);
+    for (int k = 0; k < set->cameras; k++)
+        if (set->frame[k] && set->frame[k]->row_bytes) {
+            at += sst_frame_pack(&frame[n], at, set->frame[k]);
+            packed->frame[k] = &frame[n++];
+        }
+    return packed;
+}
+
 int sst_recorder_write(struct sst_recorder *r, const struct sst_frameset *set)
 {
     int err = check_set(r, set);
 
     if (err)
         return err;
+    set = pack_views(r, set);
+    if (!set) {
+        sst_log_error("no memory to record set with the pictures of %d cameras", r->cfg.cameras);
+        return -ENOMEM;
+    }
     if (r->failing && sst_clock_now_ns() < r->retry_ns)
         return drop(r);
     if (r->sync && sync_fetch_error(r->sync))
@@ -453,6 +487,7 @@ int sst_recorder_close(struct sst_recorder *r)
         close(r->manifest_fd);
     if (r->lock_fd >= 0)
         close(r->lock_fd);
+    sst_mem_kept_fini(&r->views);
     free(r->tracks);
     free(r);
     return err ? code_of(err) : sync_err ? code_of(sync_err) : 0;

@@ -248,10 +248,17 @@ int sst_scan_grab_open(struct sst_scan_grab **out, const struct sst_array_config
 {
     struct sst_scan_grab *g = calloc(1, sizeof(*g));
     struct sst_trigger_config trigger;
-    int err;
+    int split[2], err;
 
     if (!g)
         return -ENOMEM;
+    if (sst_array_split(array, split) > 1) {
+        sst_log_error("a rig carries one camera, and cameras: split %s has several in each picture; leave it out, or "
+                      "record the array with `sst capture array`",
+                      array->split);
+        free(g);
+        return -EINVAL;
+    }
     g->cancel = cancel;
     g->state = SST_GRAB_READY;
     pthread_mutex_init(&g->lock, NULL);

@@ -203,6 +203,20 @@ static bool picture_fits(const struct picture *got, const struct sst_grab_config
            field_fits(got->field) && got->planes == 1;
 }
 
+/* Width and height of the configuration are those of a camera, of which a split picture has several. */
+static void add_size_remedy(const struct sst_grab_config *cfg, const int nearest[2], char *why, size_t size)
+{
+    const int rows = sst_max_int(cfg->split.rows, 1), cols = sst_max_int(cfg->split.cols, 1);
+
+    if (rows * cols == 1)
+        sst_text_add(why, size, "; set cameras: width and height");
+    else if (nearest[0] % cols || nearest[1] % rows)
+        sst_text_add(why, size, ", which does not divide into %dx%d cameras of one size; set cameras: split", rows, cols);
+    else
+        sst_text_add(why, size, ", which is %dx%d cameras of %dx%d; set cameras: width, height and split", rows, cols,
+                     nearest[0] / cols, nearest[1] / rows);
+}
+
 static int refuse(int fd, const struct sst_grab_config *cfg, const struct picture *got, char *why, size_t size)
 {
     char want[5], sizes[384] = "", nearest[32];
@@ -230,7 +244,7 @@ static int refuse(int fd, const struct sst_grab_config *cfg, const struct pictur
     sst_text_add(why, size, "it has no %s of %dx%d, nearest is %s", want, cfg->width, cfg->height, nearest);
     if (*sizes && strcmp(sizes, nearest))
         sst_text_add(why, size, " of %s", sizes);
-    sst_text_add(why, size, "; set cameras: width and height");
+    add_size_remedy(cfg, best[0] < 0 ? (const int[2]){ (int)got->width, (int)got->height } : best, why, size);
     return -EINVAL;
 }
 

@@ -43,6 +43,18 @@ void sst_grab_config_defaults(struct sst_grab_config *cfg)
 
 /* --- open --------------------------------------------------------------------------------------------------------- */
 
+/* @return name of the bad setting of a split, or NULL */
+static const char *split_fault(const struct sst_grab_config *cfg)
+{
+    const int rows = sst_max_int(cfg->split.rows, 1), cols = sst_max_int(cfg->split.cols, 1);
+
+    if (rows > SST_GRAB_PARTS_MAX || cols > SST_GRAB_PARTS_MAX || rows * cols > SST_GRAB_PARTS_MAX)
+        return "split";
+    if (rows * cols > 1 && !raw_pixel_bytes(cfg->fourcc) && (cfg->fourcc != V4L2_PIX_FMT_MJPEG || !cfg->cutter))
+        return "format of split pictures";
+    return cols * cfg->width > 65535 || rows * cfg->height > 65535 ? "size of split pictures" : NULL;
+}
+
 static int check_config(const struct sst_grab_config *cfg)
 {
     const char *bad = cfg->cameras < 1 || cfg->cameras > SST_CAMERAS_MAX           ? "cameras"
@@ -52,7 +64,7 @@ static int check_config(const struct sst_grab_config *cfg)
                       : cfg->controls < 0 || cfg->controls > SST_GRAB_CONTROLS_MAX ? "controls"
                       : !(cfg->rate_hz >= 0 && cfg->rate_hz <= 100000)             ? "rate"
                       : cfg->stall_ms < 0 || cfg->stall_ms > 3600000               ? "stall time"
-                                                                                   : NULL;
+                                                                                   : split_fault(cfg);
 
     if (bad) {
         sst_log_error("cannot start the cameras: the %s is out of range; see the configuration", bad);
@@ -117,18 +129,17 @@ static struct sst_grab *create(const struct sst_grab_config *cfg, const struct s
     g->cfg = *cfg;
     g->cfg.bindings = NULL;
     g->cfg.stall_ms = cfg->stall_ms ? cfg->stall_ms : 1000;
+    g->cfg.split = (struct sst_grab_split){ sst_max_int(cfg->split.rows, 1), sst_max_int(cfg->split.cols, 1) };
+    g->cfg.width = cfg->width * g->cfg.split.cols;
+    g->cfg.height = cfg->height * g->cfg.split.rows;
+    g->part_width = cfg->width;
+    g->part_height = cfg->height;
+    g->parts = g->cfg.split.rows * g->cfg.split.cols;
+    g->cameras = cfg->cameras;
     g->events = *events;
     g->nodes = calloc(SST_GRAB_NODES_MAX, sizeof(*g->nodes));
     g->camera = calloc((size_t)cfg->cameras, sizeof(*g->camera));
-    for (int i = 0; g->camera && i < cfg->cameras; i++) {
-        struct grab_camera *cam = &g->camera[i];
-
-        cam->binding = cfg->bindings[i];
-        cam->number = -1;
-        ladder_init(&cam->ladder, g->cfg.stall_ms * SST_MS + WAKE_UP_NS, false, cfg->port_power);
-        snprintf(cam->name, sizeof(cam->name), "camera %d (%s %s)", i, *cam->binding.serial ? "serial" : "port",
-                 *cam->binding.serial ? cam->binding.serial : cam->binding.port);
-    }
+    g->place = calloc((size_t)cfg->cameras, sizeof(*g->place));
     return g;
 }
 
@@ -165,12 +176,15 @@ int sst_grab_open(struct sst_grab **out, const struct sst_grab_config *cfg, cons
     if (err)
         return err;
     g = create(cfg, events);
-    if (!g || !g->nodes || !g->camera) {
+    if (!g || !g->nodes || !g->camera || !g->place) {
         sst_log_error("no memory for %d cameras", cfg->cameras);
         err = -ENOMEM;
         goto fail;
     }
-    err = open_descriptors(g);
+    err = parts_assign(g, cfg);
+    for (int i = 0; i < g->cfg.cameras; i++)
+        ladder_init(&g->camera[i].ladder, g->cfg.stall_ms * SST_MS + WAKE_UP_NS, false, cfg->port_power);
+    err = err ? err : open_descriptors(g);
     err = err ? err : grab_monitor_open(&g->watch);
     if (!err && g->watch)
         err = watch_fd(g, grab_monitor_fd(g->watch), TAG_PLUG);
@@ -196,8 +210,8 @@ int sst_grab_start(struct sst_grab *g)
     for (int i = 0; i < g->cfg.cameras; i++)
         recovery_start(g, &g->camera[i]);
     wait_for_jobs(g);
-    for (int i = 0; i < g->cfg.cameras; i++)
-        streaming += g->camera[i].state == SST_GRAB_STREAMING;
+    for (int i = 0; i < g->cameras; i++)
+        streaming += sst_grab_camera_state(g, i) == SST_GRAB_STREAMING;
     return streaming;
 }
 
@@ -320,21 +334,6 @@ void sst_grab_release(struct sst_grab *g SST_UNUSED, struct sst_frame *frame)
     stream_release(frame);
 }
 
-enum sst_grab_state sst_grab_camera_state(const struct sst_grab *g, int cam)
-{
-    return g->camera[cam].state;
-}
-
-const struct sst_grab_device *sst_grab_camera_device(const struct sst_grab *g, int cam)
-{
-    return &g->camera[cam].device;
-}
-
-void sst_grab_counters(const struct sst_grab *g, int cam, struct sst_grab_counters *out)
-{
-    *out = g->camera[cam].counters;
-}
-
 /* --- close -------------------------------------------------------------------------------------------------------- */
 
 static void close_fd(int fd)
@@ -366,7 +365,10 @@ void sst_grab_close(struct sst_grab *g)
     close_fd(g->epoll_fd);
     close_fd(g->timer_fd);
     close_fd(g->wake_fd);
+    for (int i = 0; g->camera && g->cfg.cutter && i < g->cfg.cameras; i++)
+        g->cfg.cutter->destroy(g->camera[i].cutter);
     free(g->nodes);
     free(g->camera);
+    free(g->place);
     free(g);
 }

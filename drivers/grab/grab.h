@@ -10,6 +10,7 @@
 #define SST_GRAB_CONTROLS_MAX 32
 #define SST_GRAB_FORMATS_MAX  256
 #define SST_GRAB_FOURCC_MAX   16
+#define SST_GRAB_PARTS_MAX    16
 
 /* --- discovery ---------------------------------------------------------------------------------------------------- */
 
@@ -44,13 +45,63 @@ SST_MUST_CHECK int sst_grab_list_all(struct sst_grab_device **devices, int *coun
  */
 int sst_grab_select(struct sst_grab_device *devices, int count, uint32_t fourcc);
 
+/* --- split pictures: devices that deliver the pictures of several cameras side by side in one ---------------------- */
+
+/**
+ * Cameras in the picture of each device, `rows` x `cols` of one size. A camera is part N of its device, from 1, row by
+ * row; its serial and port are the device's with "#N". 1x1: a device is a camera.
+ */
+struct sst_grab_split {
+    int rows, cols;
+};
+
+/** Copy the identity of a device out of that of a part: "A17#2" to "A17". @return the part, from 1; 0: it names none */
+int sst_grab_part_of(char device[SST_GRAB_NAME_MAX], const char *part);
+
+/**
+ * Replace the first `count` devices of a list by their cameras, each with the serial and port of its part; the others
+ * follow as before.
+ *
+ * @param devices      of malloc(); replaced
+ * @param count, all   in and out
+ * @return 0, -ENOMEM: the list is as before; logged
+ */
+SST_MUST_CHECK int sst_grab_list_parts(struct sst_grab_device **devices, int *count, int *all,
+                                       struct sst_grab_split split);
+
+/** A whole compressed picture, and the cameras in it, each of width x height. */
+struct sst_grab_whole {
+    const uint8_t *data;
+    size_t bytes;
+    struct sst_grab_split split;
+    int width, height;
+};
+
+struct sst_grab_piece {
+    const uint8_t *data;
+    size_t bytes;
+};
+
+/** Verbs that cut compressed pictures into one for each camera; of the caller, since this folder knows no codec. */
+struct sst_grab_cutter {
+    /** @return 0, -ENOMEM */
+    int (*create)(void **state);
+    void (*destroy)(void *state); /* NULL is fine */
+    /** Read a picture. @param why  out, [size], on -EINVAL: one sentence
+     *  @return 0, -EBADMSG (damaged), -EINVAL (it cannot be cut there, nor will the next one), -ENOMEM */
+    int (*read)(void *state, const struct sst_grab_whole *whole, char *why, size_t size);
+    /** The picture of part `part`, from 0, of the one that was read. @param out  valid until the next call
+     *  @return and why: as of read */
+    int (*cut)(void *state, int part, struct sst_grab_piece *out, char *why, size_t size);
+};
+
 /* --- grabbing ----------------------------------------------------------------------------------------------------- */
 
 struct sst_grab; /* opaque; poll, start, stop on one thread; release from any */
 
 struct sst_grab_binding {
     char serial[SST_GRAB_NAME_MAX]; /* one of both is set; the serial has priority. Two devices with it: -ENOTUNIQ,
-                                       named */
+                                       named. Of split pictures: with the part */
     char port[SST_GRAB_NAME_MAX];
     int node; /* number of the capture node of its device, from 1; 0: the first that fulfils the settings */
 };
@@ -64,7 +115,9 @@ struct sst_grab_config {
     int cameras;
     const struct sst_grab_binding *bindings; /* [cameras]; copied */
     uint32_t fourcc;
-    int width, height;
+    int width, height;           /* of a camera */
+    struct sst_grab_split split; /* of the devices' pictures; 0x0: 1x1. Not of planar formats and fractions of a byte */
+    const struct sst_grab_cutter *cutter; /* needed for split JPEGs; must outlive the grab */
     double rate_hz; /* S_PARM; 0: unchanged */
     int buffers;    /* per camera, 2..32 */
     int controls;

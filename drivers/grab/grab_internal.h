@@ -253,8 +253,17 @@ int64_t stream_ready_ns(struct grab_stream *stream);
 /** Number of frames that the receiver has not released. */
 int stream_lent(struct grab_stream *stream);
 
-/** Release a frame.  Thread: any. */
+/** Release a frame; with parts each of them.  Thread: any. */
 void stream_release(struct sst_frame *frame);
+
+/** Frames of the parts of a whole picture, [parts]; they share its buffer. */
+struct sst_frame *stream_parts(const struct sst_frame *whole);
+
+/** Memory for the bytes of a part, kept with the buffer. NULL: none */
+uint8_t *stream_part_room(const struct sst_frame *whole, int part, size_t bytes);
+
+/** Lend `count` parts in place of the whole. */
+void stream_lend_parts(const struct sst_frame *whole, int count);
 
 /* --- camera: the state behind sst_grab --- */
 
@@ -265,8 +274,20 @@ struct history {
     uint64_t hash;
 };
 
+/* A camera in the picture of a device. */
+struct grab_part {
+    int cam; /* number among the configured cameras; -1: none */
+    bool any;
+    uint64_t hash; /* of its last picture, if any */
+    uint64_t frozen;
+    struct sst_grab_device device; /* as the device, with the names of the part */
+};
+
+/* A device, which is a camera, or has several. */
 struct grab_camera {
-    struct sst_grab_binding binding;
+    struct sst_grab_binding binding; /* of the device */
+    struct grab_part part[SST_GRAB_PARTS_MAX];
+    void *cutter; /* state; NULL: not yet needed */
     struct sst_grab_device device; /* last known */
     int number;                    /* of its node; -1: absent */
     char name[2 * SST_GRAB_NAME_MAX];
@@ -292,6 +313,7 @@ struct grab_camera {
     int bad_row;              /* consecutive frames with bad bytes */
     int misfit_row;           /* consecutive ones that depart from the negotiated form, all in the same way */
     char misfit[SST_WHY_MAX]; /* which */
+    char uncut[SST_WHY_MAX];  /* why the last picture cannot be cut into parts, if it has UNFIT; "": another reason */
     bool unfit;               /* refused for that: until a good frame */
     bool wakes;               /* known: epoll reports its frames */
     int eio_row;              /* consecutive failures of DQBUF */
@@ -305,7 +327,12 @@ struct grab_camera {
 };
 
 struct sst_grab {
-    struct sst_grab_config cfg; /* bindings are copies */
+    struct sst_grab_config cfg; /* without bindings; cameras, width and height are those of devices */
+    int cameras, parts;         /* configured ones; parts of each device */
+    int part_width, part_height;
+    struct grab_place {
+        int device, part;
+    } *place; /* [cameras] */
     struct sst_grab_events events;
     int epoll_fd, timer_fd, wake_fd;
     struct jobs *jobs;
@@ -321,7 +348,7 @@ struct sst_grab {
     int64_t scan_ns;  /* time of the next scan; 0: not needed */
 
     SST_ATOMIC(int64_t) fired_ns; /* sst_grab_expect(), not yet seen by the polling thread */
-    struct grab_camera *camera;   /* [cfg.cameras] */
+    struct grab_camera *camera;   /* [cfg.cameras], the devices */
 };
 
 #define SST_MS INT64_C(1000000)
@@ -339,6 +366,23 @@ int64_t receive_due(const struct sst_grab *grab, const struct grab_camera *cam);
 
 /** Check at the due time: start recovery if the camera is silent and had free buffers. */
 void receive_silence(struct sst_grab *grab, struct grab_camera *cam, int64_t now_ns);
+
+/* --- parts.c: the cameras in the picture of a device -------------------------------------------------------------- */
+
+/** Name the devices of the configured cameras: g->place, g->camera. @return 0, -EINVAL: a binding names no part; logged
+ */
+SST_MUST_CHECK int parts_assign(struct sst_grab *grab, const struct sst_grab_config *cfg);
+
+/** Make the frames of the parts of a sound picture. A damaged one gets its fault, one that cannot be cut UNFIT and its
+ *  reason in `uncut`. */
+void parts_make(struct sst_grab *grab, struct grab_camera *cam, struct sst_frame *whole);
+
+/** Report the frames of all parts in place of the picture, which is counted; of one without faults those that
+ * parts_make() made. */
+void parts_deliver(struct sst_grab *grab, struct grab_camera *cam, const struct sst_frame *whole);
+
+/** Report a state of each camera of the device. */
+void parts_report_state(struct sst_grab *grab, struct grab_camera *cam, enum sst_grab_state state, const char *why);
 
 /* --- recovery.c: recovery steps of a camera, and their jobs ------------------------------------------------------- */
 
@@ -463,6 +507,9 @@ size_t frame_lead(uint32_t fourcc, const uint8_t *data, size_t bytes);
 
 /** Minimum size of a whole frame in bytes, 0 for unknown formats. @param stride  bytes of a luma row; 0: packed */
 size_t raw_bytes(uint32_t fourcc, int width, int height, size_t stride);
+
+/** Bytes of a pixel of a format of one plane and whole bytes; 0: another one. */
+size_t raw_pixel_bytes(uint32_t fourcc);
 
 /** Four characters as in v4l2-ctl; unprintable ones become dots. */
 void fourcc_name(char out[5], uint32_t fourcc);

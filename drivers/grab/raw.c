@@ -44,6 +44,14 @@ size_t raw_bytes(uint32_t fourcc, int width, int height, size_t stride)
     return 0;
 }
 
+size_t raw_pixel_bytes(uint32_t fourcc)
+{
+    for (size_t i = 0; i < ARRAY_LEN(formats); i++)
+        if (formats[i].fourcc == fourcc && !formats[i].more_q3 && formats[i].bits % 8 == 0)
+            return (size_t)formats[i].bits / 8;
+    return 0;
+}
+
 void fourcc_name(char out[5], uint32_t fourcc)
 {
     for (int i = 0; i < 4; i++) {

@@ -22,6 +22,8 @@ void receive_begin(struct sst_grab *g SST_UNUSED, struct grab_camera *cam)
 {
     cam->heard_ns = cam->good_ns = sst_clock_now_ns();
     cam->history = (struct history){ 0 };
+    for (int i = 0; i < SST_GRAB_PARTS_MAX; i++)
+        cam->part[i].any = false;
     stamp_begin(&cam->clock, stream_start_ns(cam->stream));
     cam->owed_ns = 0;
     cam->bad_row = cam->misfit_row = cam->eio_row = 0;
@@ -40,11 +42,12 @@ static uint32_t lost_between(uint32_t before, uint32_t now)
 static void compare(struct sst_grab *g, struct grab_camera *cam, struct sst_frame *f)
 {
     struct history *h = &cam->history;
-    const uint64_t hash = g->cfg.check_frozen ? sst_grab_hash(f->data, f->bytes) : 0;
+    const bool check = g->cfg.check_frozen && g->parts == 1; /* parts are compared on their own */
+    const uint64_t hash = check ? sst_grab_hash(f->data, f->bytes) : 0;
 
     if (h->any) {
         f->lost_before = lost_between(h->sequence, f->sequence);
-        if (g->cfg.check_frozen && f->bytes && hash == h->hash)
+        if (check && f->bytes && hash == h->hash)
             f->faults |= SST_FRAME_FROZEN;
     }
     *h = (struct history){ true, f->sequence, hash };
@@ -136,6 +139,8 @@ static void count_misfit(struct sst_grab *g, struct grab_camera *cam, struct sst
             "its driver delivers fields (%s) and not the whole (progressive) pictures that were agreed; set cameras: "
             "width and height, or another input or mode of the device",
             field_name(field));
+    } else if (*cam->uncut) {
+        snprintf(what, sizeof(what), "%s", cam->uncut);
     } else {
         snprintf(what, sizeof(what),
                  "its JPEGs are %dx%d, not the %dx%d that was agreed; set cameras: width and height to a size that it "
@@ -172,6 +177,8 @@ static void process(struct sst_grab *g, struct grab_camera *cam, struct sst_fram
     check_bytes(cam, f, size);
     if (stamp->monotonic)
         judge_stamp(g, cam, f);
+    if (g->parts > 1)
+        parts_make(g, cam, f);
     if (!field_fits(stamp->field) || f->faults & SST_FRAME_UNFIT)
         count_misfit(g, cam, f, size, stamp->field);
     else
@@ -180,7 +187,10 @@ static void process(struct sst_grab *g, struct grab_camera *cam, struct sst_fram
     count(cam, f);
     log_stamp(cam, stamp);
     alive(g, cam, f);
-    g->events.frame(g->events.arg, f);
+    if (g->parts > 1)
+        parts_deliver(g, cam, f);
+    else
+        g->events.frame(g->events.arg, f);
     if (cam->misfit_row >= BAD_ROW) {
         char why[SST_WHY_MAX];
 

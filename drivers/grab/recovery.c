@@ -149,8 +149,7 @@ void camera_set_state(struct sst_grab *g, struct grab_camera *cam, enum sst_grab
         sst_log_info("%s: %s", cam->name, why);
     cam->state = state;
     snprintf(cam->why, sizeof(cam->why), "%s", why);
-    if (g->events.state)
-        g->events.state(g->events.arg, (int)(cam - g->camera), state, state == SST_GRAB_STREAMING ? cam->remark : why);
+    parts_report_state(g, cam, state, state == SST_GRAB_STREAMING ? cam->remark : why);
 }
 
 void camera_remark(struct sst_grab *g, struct grab_camera *cam, const char *text)
@@ -160,8 +159,8 @@ void camera_remark(struct sst_grab *g, struct grab_camera *cam, const char *text
     snprintf(cam->remark, sizeof(cam->remark), "%s", text);
     if (*text)
         sst_log_warning("%s: %s", cam->name, text);
-    if (g->events.state && cam->state == SST_GRAB_STREAMING)
-        g->events.state(g->events.arg, (int)(cam - g->camera), cam->state, cam->remark);
+    if (cam->state == SST_GRAB_STREAMING)
+        parts_report_state(g, cam, cam->state, cam->remark);
 }
 
 static void climbed(struct sst_grab *g, struct grab_camera *cam, int rung);

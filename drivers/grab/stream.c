@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "base/clock.h"
+#include "base/mem.h"
 #include "base/text.h"
 
 enum slot_place {
@@ -25,11 +26,14 @@ struct slot {
     enum slot_place place; /* under lock */
     uint8_t *map;
     size_t map_bytes;
+    struct sst_frame *part;    /* [parts]; NULL: its frame is one camera's */
+    struct sst_mem_kept *room; /* [parts] */
+    int parts_lent;            /* under lock */
 };
 
 struct grab_stream {
     /* fixed after open */
-    int fd, count;
+    int fd, count, parts;
     uint32_t type; /* of its buffers */
     struct slot slot[SST_STREAM_BUFFERS_MAX];
     /* under lock */
@@ -50,6 +54,10 @@ static void destroy(struct grab_stream *s)
     for (int i = 0; i < s->count; i++) {
         if (s->slot[i].map)
             munmap(s->slot[i].map, s->slot[i].map_bytes);
+        for (int k = 0; s->slot[i].room && k < s->parts; k++)
+            sst_mem_kept_fini(&s->slot[i].room[k]);
+        free(s->slot[i].part);
+        free(s->slot[i].room);
     }
     pthread_mutex_destroy(&s->lock);
     free(s);
@@ -92,6 +100,15 @@ static int map_buffer(struct grab_stream *s, int index)
     return 0;
 }
 
+static int make_parts(struct grab_stream *s, struct slot *slot)
+{
+    if (s->parts == 1)
+        return 0;
+    slot->part = calloc((size_t)s->parts, sizeof(*slot->part));
+    slot->room = calloc((size_t)s->parts, sizeof(*slot->room));
+    return slot->part && slot->room ? 0 : -ENOMEM;
+}
+
 static int map_buffers(struct grab_stream *s, const struct sst_grab_config *cfg, int cam, size_t stride, char *why)
 {
     struct v4l2_requestbuffers r = { .count = (uint32_t)cfg->buffers,
@@ -113,6 +130,7 @@ static int map_buffers(struct grab_stream *s, const struct sst_grab_config *cfg,
         slot->stream = s;
         slot->index = (uint32_t)i;
         err = map_buffer(s, i);
+        err = err ? err : make_parts(s, slot);
         if (err) {
             snprintf(why, SST_WHY_MAX, "cannot map buffer %d: %s", i, strerror(-err));
             return err;
@@ -184,6 +202,7 @@ int stream_open(struct grab_stream **out, struct sst_grab_device *device, const 
         destroy(s);
         return err;
     }
+    s->parts = sst_max_int(cfg->split.rows * cfg->split.cols, 1);
     s->type = node_type(s->fd);
     err = set_up(s, device, cfg, cam, why, note);
     if (err)
@@ -381,6 +400,12 @@ void stream_release(struct sst_frame *frame)
     bool last;
 
     pthread_mutex_lock(&s->lock);
+    if (slot->parts_lent > 1) {
+        slot->parts_lent--;
+        pthread_mutex_unlock(&s->lock);
+        return;
+    }
+    slot->parts_lent = 0;
     slot->place = SLOT_IDLE;
     s->lent--;
     if (s->live)
@@ -389,4 +414,23 @@ void stream_release(struct sst_frame *frame)
     pthread_mutex_unlock(&s->lock);
     if (last)
         destroy(s);
+}
+
+struct sst_frame *stream_parts(const struct sst_frame *whole)
+{
+    return ((struct slot *)whole->pool)->part;
+}
+
+uint8_t *stream_part_room(const struct sst_frame *whole, int part, size_t bytes)
+{
+    return sst_mem_keep(&((struct slot *)whole->pool)->room[part], bytes, 1);
+}
+
+void stream_lend_parts(const struct sst_frame *whole, int count)
+{
+    struct slot *slot = whole->pool;
+
+    pthread_mutex_lock(&slot->stream->lock);
+    slot->parts_lent = count;
+    pthread_mutex_unlock(&slot->stream->lock);
 }

@@ -145,14 +145,14 @@ int sim_wires_open(struct sim_wires **out, const struct sim_wires_config *cfg)
         return -ENOMEM;
     w->cfg = *cfg;
     usb.still = world->still.present ? world->still.serial : NULL;
-    w->rows = world->rows;
-    w->cols = world->cols;
+    w->rows = world->rows / world->split_rows; /* of devices */
+    w->cols = world->cols / world->split_cols;
     usb.cameras = sst_sim_world_cameras(cfg->world);
     usb.size_count = sst_sim_world_sizes(cfg->world, &usb.sizes);
     err = sim_sysfs_open(&w->sysfs, cfg->server);
     usb.sysfs = w->sysfs;
     err = err ? err : sim_usb_front_open(&w->usb, &usb);
-    if (!err && (cfg->options.rig || usb.cameras == 1))
+    if (!err && (cfg->options.rig || (usb.cameras == 1 && world->split_rows * world->split_cols == 1)))
         err = sim_rig_open(&w->rig, sim_server_dir(cfg->server), cfg->options.rig_port, world->seed);
     if (err)
         sim_wires_close(w);

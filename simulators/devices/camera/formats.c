@@ -86,11 +86,12 @@ static void adjust(const struct sim_cam *cam, struct v4l2_pix_format *p)
 
 void sim_cam_formats_reset(struct sim_cam *cam)
 {
-    const struct sst_sim_settings *world = sst_sim_world_settings(cam->world);
+    const int(*sizes)[2];
 
+    (void)sst_sim_world_sizes(cam->world, &sizes);
     cam->format = (struct v4l2_pix_format){ .pixelformat = V4L2_PIX_FMT_MJPEG,
-                                            .width = (uint32_t)world->width,
-                                            .height = (uint32_t)world->height };
+                                            .width = (uint32_t)sizes[0][0],
+                                            .height = (uint32_t)sizes[0][1] };
     adjust(cam, &cam->format);
     cam->interval = (struct v4l2_fract){ 1, 30 };
 }

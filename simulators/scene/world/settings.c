@@ -75,6 +75,7 @@ void sst_sim_settings_defaults(struct sst_sim_settings *s, const char *scene)
     snprintf(s->scene, sizeof(s->scene), "%s", scene);
     s->seed = 1;
     s->rows = s->cols = 6;
+    s->split_rows = s->split_cols = 1;
     s->width = 640;
     s->height = 480;
     s->quality = 75;
@@ -434,6 +435,15 @@ static void read_host(struct sst_yaml *doc, struct sst_yaml_node *map, struct ss
     sst_yaml_double(doc, sst_yaml_get(map, "clock_drift_ppm"), -1000, 1000, &s->host.clock_drift_ppm);
 }
 
+static void read_split(struct sst_yaml *doc, struct sst_yaml_node *split, struct sst_sim_settings *s)
+{
+    read_pair(doc, split, 1, SST_SIM_SPLIT_MAX, &s->split_rows, &s->split_cols);
+    if (s->split_rows * s->split_cols > SST_SIM_SPLIT_MAX || s->rows % s->split_rows || s->cols % s->split_cols ||
+        (s->rig && s->split_rows * s->split_cols > 1))
+        sst_yaml_fault(doc, split, "must divide the grid of %dx%d into boards of at most %d cameras", s->rows, s->cols,
+                       SST_SIM_SPLIT_MAX);
+}
+
 static void read_all(struct sst_yaml *doc, struct sst_sim_settings *s)
 {
     struct sst_yaml_node *root = sst_yaml_root(doc), *scene = sst_yaml_need(doc, root, "scene");
@@ -461,6 +471,7 @@ static void read_all(struct sst_yaml *doc, struct sst_sim_settings *s)
     read_sensor(doc, section(doc, root, "sensor"), s);
     read_timing(doc, section(doc, root, "timing"), s);
     read_host(doc, section(doc, root, "host"), s);
+    read_split(doc, sst_yaml_get(root, "split"), s);
     read_cameras(doc, sst_yaml_get(root, "cameras"), s);
     read_still(doc, section(doc, root, "still"), s);
     if (!strcmp(name, SIM_HEDGE))

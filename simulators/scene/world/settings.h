@@ -7,6 +7,7 @@
 #include "base/frame.h"
 
 #define SST_SIM_POSES_MAX 64
+#define SST_SIM_SPLIT_MAX 16 /* cameras in one picture */
 
 enum sst_sim_board_kind {
     SST_SIM_NO_BOARD = 0,
@@ -112,6 +113,7 @@ struct sst_sim_settings {
     /* At last, because pictures do not depend on them: no part of the cache's key. */
     struct sst_sim_host host;
     struct sst_sim_still still;
+    int split_rows, split_cols; /* cameras in the picture of each device: boards with several sensors */
 };
 
 /** Ideal cameras for a scene, or for "board", an empty wall with a calibration board in front of it. */

@@ -142,7 +142,10 @@ struct sst_sim_world {
     struct sim_made *made;
     int cams, size_count;
     int held; /* the loop's frame that is held; -1: by time */
-    int sizes[SIZES_MAX][2];
+    int sizes[SIZES_MAX][2]; /* of a camera */
+    int parts, device_sizes[SIZES_MAX][2]; /* cameras in the picture of a device, and sizes of these pictures */
+    uint8_t *part;                         /* pictures of a device's cameras, [parts][part_bytes]; NULL: it is one */
+    size_t part_bytes;
     struct {
         uint64_t trigger;
         int64_t t_ns;
@@ -164,6 +167,8 @@ static void find_sizes(struct sst_sim_world *w)
         if (i && (width % 16 || height % 8 || w->settings.width * quarters[i] % 4 ||
                   w->settings.height * quarters[i] % 4 || 2 * strip_height(width) > height))
             continue;
+        w->device_sizes[w->size_count][0] = width * w->settings.split_cols;
+        w->device_sizes[w->size_count][1] = height * w->settings.split_rows;
         w->sizes[w->size_count][0] = width;
         w->sizes[w->size_count++][1] = height;
     }
@@ -280,7 +285,10 @@ static int open_world(struct sst_sim_world **out, const char *world, const char 
     (void)!sst_sim_world_hold(w, 0);
     find_sizes(w);
     w->luma = malloc((size_t)w->settings.width * (size_t)w->settings.height);
-    err = w->luma ? made_create(&w->made, w->cams, MADE_BYTES) : -ENOMEM;
+    w->parts = w->settings.split_rows * w->settings.split_cols;
+    w->part_bytes = (size_t)w->settings.width * (size_t)w->settings.height * 2;
+    w->part = w->parts > 1 ? malloc((size_t)w->parts * w->part_bytes) : NULL;
+    err = w->luma && (w->part || w->parts == 1) ? made_create(&w->made, w->cams, MADE_BYTES) : -ENOMEM;
     if (!err && !w->settings.rig)
         err = open_loop(w, cache, at_once);
     if (err)
@@ -312,12 +320,23 @@ void sst_sim_world_close(struct sst_sim_world *w)
     made_destroy(w->made);
     sim_stage_close(w->stage);
     free(w->luma);
+    free(w->part);
     free(w);
 }
 
 int sst_sim_world_cameras(const struct sst_sim_world *w)
 {
-    return w->cams;
+    return w->cams / w->parts;
+}
+
+/* A camera of a device: boards lie in the grid row by row, and the cameras on each. */
+static int camera_of(const struct sst_sim_world *w, int device, int part)
+{
+    const struct sst_sim_settings *s = &w->settings;
+    const int across = s->cols / s->split_cols;
+
+    return (device / across * s->split_rows + part / s->split_cols) * s->cols + device % across * s->split_cols +
+           part % s->split_cols;
 }
 
 const struct sst_sim_settings *sst_sim_world_settings(const struct sst_sim_world *w)
@@ -327,12 +346,12 @@ const struct sst_sim_settings *sst_sim_world_settings(const struct sst_sim_world
 
 const struct sst_sim_timing *sst_sim_world_timing(const struct sst_sim_world *w, int cam)
 {
-    return &sim_stage_camera(w->stage, cam)->timing;
+    return &sim_stage_camera(w->stage, w->parts > 1 ? camera_of(w, cam, 0) : cam)->timing;
 }
 
 int sst_sim_world_sizes(const struct sst_sim_world *w, const int (**sizes)[2])
 {
-    *sizes = w->sizes;
+    *sizes = w->device_sizes;
     return w->size_count;
 }
 
@@ -476,7 +495,7 @@ static int deliver_packed(struct sst_sim_world *w, const struct sim_jpeg *frame,
     return 0;
 }
 
-int sst_sim_world_frame(struct sst_sim_world *w, const struct sst_sim_exposure *e, struct sst_sim_format format,
+static int camera_frame(struct sst_sim_world *w, const struct sst_sim_exposure *e, struct sst_sim_format format,
                         struct sst_sim_room out, size_t *bytes)
 {
     const uint32_t fourcc = format.fourcc;
@@ -509,4 +528,40 @@ int sst_sim_world_frame(struct sst_sim_world *w, const struct sst_sim_exposure *
     if (!err)
         *bytes = frame.bytes;
     return err;
+}
+
+/* The picture of a device with several cameras. */
+static int device_frame(struct sst_sim_world *w, const struct sst_sim_exposure *e, struct sst_sim_format format,
+                        struct sst_sim_room out, size_t *bytes)
+{
+    const struct sst_sim_format one = { format.fourcc, format.width / w->settings.split_cols,
+                                        format.height / w->settings.split_rows };
+    const struct sim_mosaic m = { w->settings.split_rows, w->settings.split_cols, one.width, one.height,
+                                  sim_format_bytes(one.fourcc, one.width, one.height) };
+    struct sst_sim_room parts[SST_SIM_SPLIT_MAX];
+
+    if (m.part_bytes && out.bytes < m.part_bytes * (size_t)w->parts)
+        return -ENOSPC;
+    for (int i = 0; i < w->parts; i++) {
+        struct sst_sim_exposure exposure = *e;
+        int err;
+
+        exposure.cam = camera_of(w, e->cam, i);
+        parts[i] = (struct sst_sim_room){ w->part + (size_t)i * w->part_bytes, w->part_bytes };
+        err = camera_frame(w, &exposure, one, parts[i], &parts[i].bytes);
+        if (err)
+            return err;
+        if (m.part_bytes)
+            sim_mosaic_rows(out.data, parts[i].data, &m, i);
+    }
+    *bytes = m.part_bytes * (size_t)w->parts;
+    return m.part_bytes ? 0 : sim_mosaic_jpeg(&m, parts, out, bytes);
+}
+
+int sst_sim_world_frame(struct sst_sim_world *w, const struct sst_sim_exposure *e, struct sst_sim_format format,
+                        struct sst_sim_room out, size_t *bytes)
+{
+    if (e->cam < 0 || e->cam >= w->cams / w->parts)
+        return -EINVAL;
+    return w->parts > 1 ? device_frame(w, e, format, out, bytes) : camera_frame(w, e, format, out, bytes);
 }

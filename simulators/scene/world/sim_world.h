@@ -50,7 +50,8 @@ SST_MUST_CHECK int sst_sim_world_cache(char out[SST_PATH_MAX], const char *cache
 
 void sst_sim_world_close(struct sst_sim_world *world);
 
-int sst_sim_world_cameras(const struct sst_sim_world *world); /* 36 for an array, 1 on a rig */
+/** Devices: 36 for an array, 1 on a rig; with `split` each delivers the pictures of several cameras in one. */
+int sst_sim_world_cameras(const struct sst_sim_world *world);
 /** Width and height are those of native frames, exposure_us the result of automatic exposure at nominal light. */
 const struct sst_sim_settings *sst_sim_world_settings(const struct sst_sim_world *world);
 const struct sst_sim_timing *sst_sim_world_timing(const struct sst_sim_world *world, int cam);

@@ -197,6 +197,21 @@ SST_MUST_CHECK int sim_jpeg_encode(const struct sst_image *img, int quality, boo
 SST_MUST_CHECK int sim_jpeg_copy(const struct sim_jpeg *in, int width, const struct sst_sim_exposure *exposure,
                                  struct sst_sim_room out, size_t *bytes);
 
+/* --- mosaic: pictures of several cameras in one, as boards with several sensors deliver them. --- */
+
+struct sim_mosaic {
+    int rows, cols, width, height; /* cameras in a picture, and their size */
+    size_t part_bytes;             /* of an uncompressed picture of one */
+};
+
+/** Put the uncompressed picture of camera `at`, row by row from 0, into the whole. */
+void sim_mosaic_rows(uint8_t *whole, const uint8_t *part, const struct sim_mosaic *mosaic, int at);
+
+/** Join JPEGs of sim_jpeg_copy() into one without coding them again. @param parts  [rows * cols]
+ *  @return 0, -ENOSPC, -EINVAL (others) */
+SST_MUST_CHECK int sim_mosaic_jpeg(const struct sim_mosaic *mosaic, const struct sst_sim_room *parts,
+                                   struct sst_sim_room out, size_t *bytes);
+
 /* --- loop: prepared frames of all cameras: rendered once, cached in a file, mapped into memory. At once: the first frame
  * of each camera is there after open, and the others are rendered in the background. --- */
 
