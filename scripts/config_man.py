@@ -15,7 +15,7 @@ UNITS = {"_hz": "Hz", "_ms": "ms", "_us": "us", "_mm_s": "mm/s", "_mm_s2": "mm/s
          "_gb": "GB", "_mb": "MB", "_px": "px", "_days": "days", "_m": "m", "_min": "minutes"}
 # By the values of enum sst_text_kind, enum sst_key_type and enum sst_reload_class.
 TEXT_KINDS = ["text", "text of a-z, 0-9, - and _", "path", "path of a file", "numeric address", "topic",
-              "type of an event or \"*\"", "points of a polygon", "address of a page"]
+              "type of an event or \"*\"", "points of a polygon", "address of a page", "rows x columns"]
 BOOL, INT, DOUBLE, TEXT, CHOICE, FORMAT, INTS, DOUBLES, TEXTS, CONTROLS, LIST, LINE, ZONE = range(13)
 PLAIN = {BOOL: "true or false", TEXTS: "list of texts", CONTROLS: "mapping of names to whole numbers", LIST: "list of mappings",
          LINE: "name of a trigger line", ZONE: "name of a zone"}

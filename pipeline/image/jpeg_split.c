@@ -151,15 +151,17 @@ int sst_jpeg_split_read(struct sst_jpeg_split *s, struct sst_jpeg_bytes jpeg, co
 
 int sst_jpeg_split_cut(struct sst_jpeg_split *s, int part, struct sst_jpeg_bytes *out)
 {
+    const struct sst_jpeg_grid *g = &s->grid;
     const int width = s->index.mcu_width, height = s->index.mcu_height;
-    const int x = part % s->grid.cols * s->grid.width, y = part / s->grid.cols * s->grid.height;
     struct sst_jpeg_part box;
-    int err;
+    int x, y, err;
 
     if (!s->index.valid)
         return -EBADMSG;
-    box = (struct sst_jpeg_part){ x / width, y / height, (x + s->grid.width + width - 1) / width,
-                                  (y + s->grid.height + height - 1) / height };
+    x = part % g->cols * g->width;
+    y = part / g->cols * g->height;
+    box = (struct sst_jpeg_part){ x / width, y / height, (x + g->width + width - 1) / width,
+                                  (y + g->height + height - 1) / height };
     if (setjmp(s->escape)) {
         jpeg_abort_decompress(&s->d);
         return -EBADMSG;

@@ -102,6 +102,79 @@ static void faults_are_told(void **state)
     refuse("rig: { travel_min_mm: 5, travel_max_mm: 5 }\n", "travel_min_mm");
 }
 
+static void splits_are_checked(void **state)
+{
+    struct sst_array_config c;
+    int split[2];
+
+    (void)state;
+    sst_array_config_defaults(&c);
+    assert_int_equal(sst_array_split(&c, split), 1);
+    assert_int_equal(read_text(&c, "array: { rows: 2, cols: 4 }\n"
+                                   "trigger: { source: gpio, lines: [T0, T1] }\n"
+                                   "cameras:\n"
+                                   "  split: 2x1\n"
+                                   "  bind:\n"
+                                   "    - { row: 0, col: 0, serial: \"A#1\" }\n"
+                                   "    - { row: 1, col: 0, serial: \"A#2\" }\n"
+                                   "    - { row: 1, col: 3, port: \"1-2#1\", line: T1 }\n"),
+                     0);
+    assert_int_equal(sst_array_split(&c, split), 2);
+    assert_int_equal(split[0], 2);
+    assert_int_equal(split[1], 1);
+    assert_int_equal(c.camera[1].line, 0); /* a picture is exposed by one line, whatever its rows are */
+    assert_int_equal(c.camera[2].line, 1);
+    refuse("cameras: { split: 4 }\n", "must be rows x columns of cameras in a picture such as 2x2");
+    refuse("cameras: { split: 3x8 }\n", "at most 16, not 3x8");
+    refuse("cameras: { split: 0x2 }\n", "rows x columns");
+    refuse("cameras: { split: 2x2, width: 324 }\n", "cuts MJPEG pictures into cameras of 324x480, whose edges lie within");
+    refuse("cameras: { split: 1x2, format: YUYV, width: 641 }\n", "set width to a multiple of 2");
+    refuse("cameras: { split: 2x1, format: RGGB8, height: 481 }\n", "height of 2");
+    refuse("cameras: { split: 2x1, format: MJPEG, height: 484 }\n", "height of 8");
+    refuse("cameras: { split: 1x4, format: GREY, width: 5000 }\n", "makes pictures of 20000x480");
+    refuse("cameras: { split: 2x2, bind: [ { row: 0, col: 0, serial: A } ] }\n", "name one, such as \"A#1\"");
+    refuse("cameras: { split: 2x2, bind: [ { row: 0, col: 0, serial: \"A#5\" } ] }\n", "have 4 cameras");
+    refuse("cameras: { split: 2x2, bind: [ { row: 0, col: 0, port: 1-2#2 }, { row: 0, col: 1, port: 1-2#2 } ] }\n",
+           "port 1-2#2 twice");
+    refuse("trigger: { source: gpio, lines: [X, Y] }\n"
+           "cameras: { split: 1x2, bind: [ { row: 0, col: 0, serial: A#1, line: X }, "
+           "{ row: 0, col: 1, serial: A#2, line: Y } ] }\n",
+           "exposes A#2 by another line than A#1, which is in the same picture");
+    /* Edges that are no seams may lie anywhere. */
+    assert_int_equal(read_text(&c, "cameras: { split: 1x4, format: YUYV, width: 640, height: 481 }\n"), 0);
+}
+
+/* Boards fill the grid in blocks of their form, where it divides into them; else camera by camera. */
+static void parts_have_places(void **state)
+{
+    static const struct {
+        int rows, cols;
+        const char *split;
+        int places[8][2];
+    } cases[] = {
+        { 2, 4, "2x2", { { 0, 0 }, { 0, 1 }, { 1, 0 }, { 1, 1 }, { 0, 2 }, { 0, 3 }, { 1, 2 }, { 1, 3 } } },
+        { 4, 2, "1x2", { { 0, 0 }, { 0, 1 }, { 1, 0 }, { 1, 1 }, { 2, 0 }, { 2, 1 }, { 3, 0 }, { 3, 1 } } },
+        { 1, 8, "2x2", { { 0, 0 }, { 0, 1 }, { 0, 2 }, { 0, 3 }, { 0, 4 }, { 0, 5 }, { 0, 6 }, { 0, 7 } } },
+        { 2, 4, "1x1", { { 0, 0 }, { 0, 1 }, { 0, 2 }, { 0, 3 }, { 1, 0 }, { 1, 1 }, { 1, 2 }, { 1, 3 } } },
+    };
+    struct sst_array_config c;
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
+        sst_array_config_defaults(&c);
+        c.rows = cases[i].rows;
+        c.cols = cases[i].cols;
+        strcpy(c.split, cases[i].split);
+        for (int n = 0; n < 8; n++) {
+            int row, col;
+
+            sst_array_place(&c, n, &row, &col);
+            assert_int_equal(row, cases[i].places[n][0]);
+            assert_int_equal(col, cases[i].places[n][1]);
+        }
+    }
+}
+
 static void missing_file_is_told(void **state)
 {
     struct sst_array_config c;
@@ -119,6 +192,8 @@ int main(void)
         cmocka_unit_test(shipped_file_is_the_defaults),
         cmocka_unit_test(values_arrive),
         cmocka_unit_test(faults_are_told),
+        cmocka_unit_test(splits_are_checked),
+        cmocka_unit_test(parts_have_places),
         cmocka_unit_test(missing_file_is_told),
     };
 

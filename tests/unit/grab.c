@@ -453,6 +453,48 @@ static void cameras_of_an_array_are_selected(void **state SST_UNUSED)
     assert_int_equal(sst_grab_select(none, 0, V4L2_PIX_FMT_MJPEG), 0);
 }
 
+/* Parts of split pictures have names of their own, and bindings find their devices by them. */
+static void parts_have_names(void **state SST_UNUSED)
+{
+    static const struct {
+        const char *name, *device;
+        int part;
+    } cases[] = { { "A17#2", "A17", 2 },   { "1-2.3#16", "1-2.3", 16 }, { "A#1#4", "A#1", 4 }, { "A17", "A17", 0 },
+                  { "A17#", "A17#", 0 },   { "A17#0", "A17#0", 0 },     { "A#17", "A#17", 0 }, { "#1", "#1", 0 },
+                  { "A#1x", "A#1x", 0 },   { "", "", 0 } };
+    char device[SST_GRAB_NAME_MAX];
+
+    for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
+        assert_int_equal(sst_grab_part_of(device, cases[i].name), cases[i].part);
+        assert_string_equal(device, cases[i].device);
+    }
+}
+
+static void devices_are_listed_by_part(void **state SST_UNUSED)
+{
+    struct sst_grab_device *list = calloc(3, sizeof(*list));
+    int count = 2, all = 3;
+
+    snprintf(list[0].serial, sizeof(list[0].serial), "A");
+    snprintf(list[0].port, sizeof(list[0].port), "1-1");
+    snprintf(list[1].port, sizeof(list[1].port), "1-2"); /* without a serial */
+    memset(list[2].serial, 'x', sizeof(list[2].serial) - 1);
+    assert_int_equal(sst_grab_list_parts(&list, &count, &all, (struct sst_grab_split){ 1, 1 }), 0);
+    assert_int_equal(count, 2);
+    assert_int_equal(sst_grab_list_parts(&list, &count, &all, (struct sst_grab_split){ 2, 2 }), 0);
+    assert_int_equal(count, 8);
+    assert_int_equal(all, 9);
+    assert_string_equal(list[0].serial, "A#1");
+    assert_string_equal(list[3].port, "1-1#4");
+    assert_string_equal(list[5].serial, "");
+    assert_string_equal(list[5].port, "1-2#2");
+    assert_int_equal(list[8].serial[0], 'x'); /* the others stay */
+    count = 9; /* a name without room keeps its part */
+    assert_int_equal(sst_grab_list_parts(&list, &count, &all, (struct sst_grab_split){ 1, 12 }), 0);
+    assert_string_equal(list[8 * 12 + 11].serial + sizeof(list->serial) - 5, "x#12");
+    free(list);
+}
+
 /* --- controls ----------------------------------------------------------------------------------------------------- */
 
 static void control_names_are_those_of_v4l2_ctl(void **state SST_UNUSED)
@@ -494,6 +536,8 @@ int main(void)
         cmocka_unit_test(odd_identities_are_named),
         cmocka_unit_test(a_node_of_several_is_chosen),
         cmocka_unit_test(cameras_of_an_array_are_selected),
+        cmocka_unit_test(parts_have_names),
+        cmocka_unit_test(devices_are_listed_by_part),
         cmocka_unit_test(control_names_are_those_of_v4l2_ctl),
     };
 
