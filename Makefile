@@ -187,7 +187,7 @@ TOOLS := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/tools/*.c)) $(if $(filter 1,
 # Programs that tests/guest runs in the emulated machine.
 GUEST_TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(wildcard tests/guest/*.c)))
 
-.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-arm64 kernel-tests check-timing coverage check-includes check-names check-words check-structure check-kernel deps-kernel check-cluster deps-cluster check-nodes check-genicam check-onvif findings demo bench bench-quick bench-check bench-check-update bench-networks bench-calib bench-perturb bench-gpu bench-service bench-watch soak-service fuzz install install-built uninstall man help clean format tests fuzzers check-colmap deps-colmap
+.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-arm64 kernel-tests check-timing coverage check-includes check-names check-words check-structure check-kernel deps-kernel check-cluster deps-cluster check-nodes check-scale check-genicam check-onvif findings demo bench bench-quick bench-check bench-check-update bench-networks bench-calib bench-perturb bench-gpu bench-service bench-watch soak-service fuzz install install-built uninstall man help clean format tests fuzzers check-colmap deps-colmap
 .SECONDARY:
 PROGRAMS := $(BUILD)/sst $(BUILD)/sstd $(PUBLISHERS:%=$(BUILD)/sst-%) $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so) $(PLUGINS) $(READ_LIB)
 all: $(PROGRAMS) ## build the programs into build/: sst, sstd, sst-rtsp, sst-mqtt, sst-onvif, sst-sim (simulated devices), and their plugins
@@ -445,6 +445,9 @@ check-genicam: $(PROGRAMS) ## fake GigE cameras in network namespaces, packets l
 
 check-nodes: $(PROGRAMS) $(TOOLS) ## nodes and a head in network namespaces, on a bad network, nodes killed; MINUTES=30 NODES=2; needs root
 	SST_BUILD=$(BUILD) tests/nodes/check.sh
+
+check-scale: $(PROGRAMS) ## a hundred cameras on four nodes and a head in network namespaces, recorded; MINUTES=10 RATE=30; needs root
+	SST_BUILD=$(BUILD) tests/scale/check.sh
 
 deps-kernel: ## install what check-kernel needs besides
 	scripts/deps.sh scripts/kernel/packages.txt

@@ -31,8 +31,9 @@ static int print_json(const struct cli_usb *u, const struct sst_array_config *cf
                                         "limit_mbit", s->limit_mbit, "cameras", s->streams, "refused", s->refused));
     }
     root = json_pack("{s:s?, s:i, s:i, s:s, s:f, s:I, s:i, s:o, s:o, s:s}", "format", format, "width", cfg->width,
-                     "height", cfg->height, "split", cfg->split, "rate_hz", cfg->rate_hz, "needed_bytes_s", (json_int_t)u->needed_bytes_s, "refused",
-                     u->plan.refused, "cameras", cameras, "segments", segments, "advice", advice);
+                     "height", cfg->height, "split", cfg->split, "rate_hz", cfg->rate_hz, "needed_bytes_s",
+                     (json_int_t)u->needed_bytes_s, "refused", u->plan.refused, "cameras", cameras, "segments",
+                     segments, "advice", advice);
     return cli_dump_json(root, JSON_INDENT(2));
 }
 

@@ -120,14 +120,17 @@ bool sst_array_split_fault(const struct sst_array_config *cfg, char *why, size_t
     if (strlen(format) == 5 && format[4] == '8')
         step[1] = 2;
     if (split[1] * cfg->width > SST_CONFIG_SIDE_MAX || split[0] * cfg->height > SST_CONFIG_SIDE_MAX) {
-        snprintf(why, size, "makes pictures of %dx%d from cameras of %dx%d, larger than the limit of %d; lower it, or width "
-                 "and height, which are those of one camera", split[1] * cfg->width, split[0] * cfg->height, cfg->width,
-                 cfg->height, SST_CONFIG_SIDE_MAX);
+        snprintf(why, size,
+                 "makes pictures of %dx%d from cameras of %dx%d, larger than the limit of %d; lower it, or width and "
+                 "height, which are those of one camera",
+                 split[1] * cfg->width, split[0] * cfg->height, cfg->width, cfg->height, SST_CONFIG_SIDE_MAX);
         return true;
     }
     if ((split[1] == 1 || cfg->width % step[0] == 0) && (split[0] == 1 || cfg->height % step[1] == 0))
         return false;
-    snprintf(why, size, "cuts %s pictures into cameras of %dx%d, whose edges lie within a group of pixels; set width to a "
-             "multiple of %d and height of %d, or another format", format, cfg->width, cfg->height, step[0], step[1]);
+    snprintf(why, size,
+             "cuts %s pictures into cameras of %dx%d, whose edges lie within a group of pixels; set width to a multiple "
+             "of %d and height of %d, or another format",
+             format, cfg->width, cfg->height, step[0], step[1]);
     return true;
 }

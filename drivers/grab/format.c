@@ -203,7 +203,7 @@ static bool picture_fits(const struct picture *got, const struct sst_grab_config
            field_fits(got->field) && got->planes == 1;
 }
 
-/* Width and height of the configuration are those of a camera, of which a split picture has several. */
+/* Width and height of the configuration belong to one camera; a split picture has several. */
 static void add_size_remedy(const struct sst_grab_config *cfg, const int nearest[2], char *why, size_t size)
 {
     const int rows = sst_max_int(cfg->split.rows, 1), cols = sst_max_int(cfg->split.cols, 1);
@@ -211,7 +211,8 @@ static void add_size_remedy(const struct sst_grab_config *cfg, const int nearest
     if (rows * cols == 1)
         sst_text_add(why, size, "; set cameras: width and height");
     else if (nearest[0] % cols || nearest[1] % rows)
-        sst_text_add(why, size, ", which does not divide into %dx%d cameras of one size; set cameras: split", rows, cols);
+        sst_text_add(why, size, ", which does not divide into %dx%d cameras of one size; set cameras: split", rows,
+                     cols);
     else
         sst_text_add(why, size, ", which is %dx%d cameras of %dx%d; set cameras: width, height and split", rows, cols,
                      nearest[0] / cols, nearest[1] / rows);

@@ -13,6 +13,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "drivers/grab/grab_internal.h"
+#include "drivers/grab/parts_internal.h"
 
 /* Cameras that have not responded by then are started when they do. */
 #define OPEN_WAIT_NS  (8000 * SST_MS)

@@ -55,7 +55,7 @@ struct sst_grab_split {
     int rows, cols;
 };
 
-/** Copy the identity of a device out of that of a part: "A17#2" to "A17". @return the part, from 1; 0: it names none */
+/** Copy the name of a device out of a part's name: "A17#2" to "A17". @return the part, from 1; 0: it names none */
 int sst_grab_part_of(char device[SST_GRAB_NAME_MAX], const char *part);
 
 /**

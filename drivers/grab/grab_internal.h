@@ -253,17 +253,8 @@ int64_t stream_ready_ns(struct grab_stream *stream);
 /** Number of frames that the receiver has not released. */
 int stream_lent(struct grab_stream *stream);
 
-/** Release a frame; with parts each of them.  Thread: any. */
+/** Release a frame, or each part of one.  Thread: any. */
 void stream_release(struct sst_frame *frame);
-
-/** Frames of the parts of a whole picture, [parts]; they share its buffer. */
-struct sst_frame *stream_parts(const struct sst_frame *whole);
-
-/** Memory for the bytes of a part, kept with the buffer. NULL: none */
-uint8_t *stream_part_room(const struct sst_frame *whole, int part, size_t bytes);
-
-/** Lend `count` parts in place of the whole. */
-void stream_lend_parts(const struct sst_frame *whole, int count);
 
 /* --- camera: the state behind sst_grab --- */
 
@@ -327,7 +318,7 @@ struct grab_camera {
 };
 
 struct sst_grab {
-    struct sst_grab_config cfg; /* without bindings; cameras, width and height are those of devices */
+    struct sst_grab_config cfg; /* without bindings; cameras, width and height count devices and their pictures */
     int cameras, parts;         /* configured ones; parts of each device */
     int part_width, part_height;
     struct grab_place {
@@ -366,23 +357,6 @@ int64_t receive_due(const struct sst_grab *grab, const struct grab_camera *cam);
 
 /** Check at the due time: start recovery if the camera is silent and had free buffers. */
 void receive_silence(struct sst_grab *grab, struct grab_camera *cam, int64_t now_ns);
-
-/* --- parts.c: the cameras in the picture of a device -------------------------------------------------------------- */
-
-/** Name the devices of the configured cameras: g->place, g->camera. @return 0, -EINVAL: a binding names no part; logged
- */
-SST_MUST_CHECK int parts_assign(struct sst_grab *grab, const struct sst_grab_config *cfg);
-
-/** Make the frames of the parts of a sound picture. A damaged one gets its fault, one that cannot be cut UNFIT and its
- *  reason in `uncut`. */
-void parts_make(struct sst_grab *grab, struct grab_camera *cam, struct sst_frame *whole);
-
-/** Report the frames of all parts in place of the picture, which is counted; of one without faults those that
- * parts_make() made. */
-void parts_deliver(struct sst_grab *grab, struct grab_camera *cam, const struct sst_frame *whole);
-
-/** Report a state of each camera of the device. */
-void parts_report_state(struct sst_grab *grab, struct grab_camera *cam, enum sst_grab_state state, const char *why);
 
 /* --- recovery.c: recovery steps of a camera, and their jobs ------------------------------------------------------- */
 

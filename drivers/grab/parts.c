@@ -1,5 +1,5 @@
-/* Parts: several cameras in the picture of one device. Raw pictures are shared as views, JPEGs are cut. A picture that
- * is lost or damaged is that of all its cameras. */
+/* Parts: several cameras in the picture of one device. Raw pictures are shared as views, JPEGs are cut. A lost or
+ * damaged picture is lost or damaged for all its cameras. */
 #include <errno.h>
 #include <linux/videodev2.h>
 #include <stdio.h>
@@ -9,6 +9,7 @@
 #include "base/log.h"
 #include "base/text.h"
 #include "drivers/grab/grab_internal.h"
+#include "drivers/grab/parts_internal.h"
 
 #define MARK '#' /* between the name of a device and the number of its part */
 
@@ -88,9 +89,9 @@ static int find_device(struct sst_grab *g, const struct sst_grab_binding *base)
 {
     int i = 0;
 
-    while (i < g->cfg.cameras && (strcmp(g->camera[i].binding.serial, base->serial) != 0 ||
-                                  strcmp(g->camera[i].binding.port, base->port) != 0 ||
-                                  g->camera[i].binding.node != base->node))
+    while (i < g->cfg.cameras &&
+           (strcmp(g->camera[i].binding.serial, base->serial) != 0 ||
+            strcmp(g->camera[i].binding.port, base->port) != 0 || g->camera[i].binding.node != base->node))
         i++;
     return i;
 }
@@ -205,11 +206,11 @@ void parts_make(struct sst_grab *g, struct grab_camera *cam, struct sst_frame *w
 /* A camera that repeats its picture, while others of its device may go on. */
 static bool is_frozen(struct grab_part *p, const struct sst_frame *f)
 {
-    uint64_t hash = f->row_bytes ? 0 : frame_hash(f->data, f->bytes);
+    uint64_t hash = f->row_bytes ? 0 : sst_grab_hash(f->data, f->bytes);
     bool same;
 
     for (int y = 0; f->row_bytes && y < f->height; y++)
-        hash = (hash << 7 | hash >> 57) ^ frame_hash(f->data + (size_t)y * f->stride, f->row_bytes);
+        hash = (hash << 7 | hash >> 57) ^ sst_grab_hash(f->data + (size_t)y * f->stride, f->row_bytes);
     same = p->any && hash == p->hash;
     p->any = true;
     p->hash = hash;

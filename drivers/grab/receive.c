@@ -7,6 +7,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "drivers/grab/grab_internal.h"
+#include "drivers/grab/parts_internal.h"
 
 /* A camera with only damaged frames is treated as silent after this number and three times the usual patience. */
 #define BAD_ROW 10

@@ -10,6 +10,7 @@
 #include "base/log.h"
 #include "base/text.h"
 #include "drivers/grab/grab_internal.h"
+#include "drivers/grab/parts_internal.h"
 #include "drivers/usb/usb.h"
 
 /* A job that takes longer hangs in the kernel and is abandoned. */

@@ -1,4 +1,5 @@
 #include "drivers/grab/grab_internal.h"
+#include "drivers/grab/parts_internal.h"
 
 #include <errno.h>
 #include <linux/videodev2.h>

@@ -79,7 +79,8 @@ static int make_room(struct sst_jpeg_split *s, int16_t *means[3])
     if (!means[0] || !s->index.mcu)
         return -ENOMEM;
     for (int i = 1; i < 3 && i < s->d.num_components; i++)
-        means[i] = means[i - 1] + (size_t)s->d.comp_info[i - 1].width_in_blocks * s->d.comp_info[i - 1].height_in_blocks;
+        means[i] =
+            means[i - 1] + (size_t)s->d.comp_info[i - 1].width_in_blocks * s->d.comp_info[i - 1].height_in_blocks;
     return 0;
 }
 

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # A hundred simulated cameras of 640x480 on four nodes and a head, each host in a network namespace of its own: nodes record, the head
-# assembles sets, and every frame is in one place. What the product costs a camera is measured apart from the simulation.
+# assembles sets, and every frame is in one place. The product's cost of a camera is measured apart from the simulation.
 # MINUTES=10, RATE=30 (sets/s), ROWS=5, COLS=20, NODES=4, SCENE=cat, QUALITY=50 (of the cameras' JPEGs), LIVE=false (of the head),
 # SKIP=false (hosts: skip_unchanged), QUOTA=4 (GB of each node's recordings), OUT=FILE (table for docs/measured/scale.md).
 set -u
@@ -49,7 +49,7 @@ for n in head $nodes; do
 done
 for n in $nodes; do
   sed -i "s/^live: .*/live: {enabled: $live}/" head/sstd.yaml
-  # The cameras' own rate; recordings whose oldest are trimmed.
+  # The cameras' own rate; recordings within a quota.
   sed -i "s/^  check_frozen: false/&\n  rate_hz: 30\n  buffers: ${BUFFERS:-8}/; s/skip_unchanged: [a-z]*//; s/^hosts: {/hosts: {skip_unchanged: ${SKIP:-false}, /; s/preroll_s: 0/&, mode: continuous, quota_gb: ${QUOTA:-4}, segment_s: 20/" "$n/sstd.yaml"
 done
 
@@ -163,7 +163,7 @@ for n in $nodes; do
 done
 
 # --- the report ---------------------------------------------------------------------------------------------------------------------
-/usr/bin/python3 - "$tmp" "$nodes" "$cameras" "$rate" "$seconds" "$edges" "$sets" "$whole" "$node_sets" "$bytes" "$delays" >report <<'PY'
+/usr/bin/python3 - "$tmp" "$nodes" "$cameras" "$rate" "$seconds" "$edges" "$sets" "$whole" "$node_sets" "$bytes" "${delays//\"/}" >report <<'PY'
 import os, sys
 tmp, nodes, cameras, rate, seconds, edges, sets, whole, node_sets, size, delays = sys.argv[1:]
 nodes = nodes.split()
@@ -177,7 +177,7 @@ head_s = float(next(r[1] for r in rows if r[0] == "head"))
 frames = node_sets * share
 out = [f"{cameras} cameras of 640x480, {len(nodes)} nodes and a head, {rate:g} sets/s for {seconds:.0f} s: the head has {sets} sets of "
        f"{edges} triggers, {whole} of them complete ({100 * whole / max(1, sets):.2f} %); "
-       f"{size / max(1, sets * cameras):.0f} bytes a frame on the wire; a set is there {delays.replace(chr(34), "")} ms after its trigger (p50 / p99 / max)", ""]
+       f"{size / max(1, sets * cameras):.0f} bytes a frame on the wire; a set is there {delays} ms after its trigger (p50 / p99 / max)", ""]
 out += ["| | CPU of the run, s | of it by threads | us a frame | memory, MB (peak) | a camera, MB | open files |", "|---|---|---|---|---|---|---|"]
 for r in rows:
     n = cameras if r[0] == "head" else share

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# cameras: split: pictures of simulated boards with 2x2 sensors become four cameras each. Their pictures are those of cameras on
-# their own, byte by byte; a frame that is lost is that of all four; the service shows them; what cannot be cut is refused.
+# cameras: split: pictures of simulated boards with 2x2 sensors become four cameras each. Their pictures equal the ones of
+# cameras on their own, byte by byte; a lost frame is lost for all four; a board of another size is refused.
 . "$(dirname "${BASH_SOURCE[0]}")/../lib.sh"
 sim=$root/${SST_BUILD:-build}/sst-sim
 [ -x "$sim" ] || skip "sst-sim is not built"
@@ -51,7 +51,7 @@ p = json.load(open("plan"))
 assert len(p["cameras"]) == 2 and p["split"] == "2x2" and p["needed_bytes_s"] == 2 * 640 * 480 * 10, p
 PY
 
-# Bound by part, one of them nowhere; the pictures of one board are lost, damaged and held: all its cameras alike, the others whole.
+# Bound by part, some parts nowhere; the pictures of one board are lost, damaged and held: all its cameras alike, the others whole.
 cat >bound.yaml <<'Y'
 array: {rows: 2, cols: 4}
 cameras:
@@ -81,7 +81,7 @@ assert left[0]["lost"] > 0 and left[0]["buckets"]["corrupt"] + left[0]["buckets"
 assert right[0]["buckets"]["corrupt"] == 0 and right[0]["faults"]["frozen"] > 0, right
 PY
 
-# A board whose pictures do not divide as configured says which would.
+# A board with pictures of another size: the refusal names a split that fits.
 config MJPEG ', split: 1x2' >other.yaml
 sim --world boards.yaml -- sh -c '"$sst" capture array --config other.yaml -n 1 -o bad' >out 2>err && fail "another size is taken"
 grep -q 'nearest is 640x480.*which is 1x2 cameras of 320x480; set cameras: width, height and split' err || fail "another size: $(cat err)"

@@ -52,7 +52,7 @@ if command -v systemd-analyze >/dev/null; then
   for example in "$root"/systemd/examples/*.conf; do
     mkdir -p $units/sstd.service.d
     cp "$example" $units/sstd.service.d/
-    systemd-analyze verify --man=no $units/sstd.service 2>&1 | grep -E 'sstd' | grep -vE 'Restart(Steps|MaxDelaySec)' &&
+    systemd-analyze verify --man=no $units/sstd.service 2>&1 | grep -E 'sstd' | grep -vE 'Restart(Steps|MaxDelaySec)|libcamerify is not executable' &&
       fail "verify with ${example##*/}"
     rm -r $units/sstd.service.d
   done

@@ -1,5 +1,5 @@
-/* pipeline/image/jpeg_split: parts of pictures of every kind against libjpeg's blocks of the whole, pictures that cannot be cut,
- * and damaged ones; raw views against the same pictures packed. */
+/* pipeline/image/jpeg_split: parts of pictures of every kind against libjpeg's blocks of the whole, pictures that
+ * cannot be cut, and damaged ones; raw views against the same pictures packed. */
 #include <errno.h>
 #include <setjmp.h>
 #include <stdio.h>
@@ -68,7 +68,7 @@ static void open_blocks(struct jpeg_decompress_struct *d, struct jpeg_error_mgr 
     assert_int_equal(errors->num_warnings, 0);
 }
 
-/* All blocks of a part are those of the whole at its place. */
+/* All blocks of a part equal the whole's at its place. */
 static void assert_part(const struct kind *k, struct sst_jpeg_bytes whole, struct sst_jpeg_bytes part, int n)
 {
     struct jpeg_decompress_struct d[2];
@@ -190,7 +190,8 @@ static void views_are_packed(void **state SST_UNUSED)
     for (int i = 0; i < (int)sizeof(whole); i++)
         whole[i] = (uint8_t)i;
     for (int i = 0; i < 4; i++) {
-        view[i] = (struct sst_frame){ .cam = i, .width = WIDTH, .height = HEIGHT, .stride = STRIDE, .row_bytes = WIDTH };
+        view[i] =
+            (struct sst_frame){ .cam = i, .width = WIDTH, .height = HEIGHT, .stride = STRIDE, .row_bytes = WIDTH };
         view[i].data = whole + i / 2 * HEIGHT * STRIDE + i % 2 * WIDTH;
         view[i].bytes = (HEIGHT - 1) * STRIDE + WIDTH;
         set.frame[i] = &view[i];

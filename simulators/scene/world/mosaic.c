@@ -55,7 +55,8 @@ static void put16(uint8_t *to, int value)
 }
 
 /* Each row of blocks of each camera begins anew after a restart, so that their codes follow each other as they are. */
-int sim_mosaic_jpeg(const struct sim_mosaic *m, const struct sst_sim_room *parts, struct sst_sim_room out, size_t *bytes)
+int sim_mosaic_jpeg(const struct sim_mosaic *m, const struct sst_sim_room *parts, struct sst_sim_room out,
+                    size_t *bytes)
 {
     const int rows = (m->height + MCU_HEIGHT - 1) / MCU_HEIGHT, n = m->rows * m->cols;
     size_t at[SST_SIM_SPLIT_MAX], size_at = 0, head = 0, to;
