@@ -85,7 +85,8 @@ static inline int rig_fault_reset(void)
     static const char *const names[] = { "unplug",    "eio",         "error_flag",    "gap",           "frozen",
                                          "truncated", "corrupt_soi", "corrupt_eoi",   "corrupt_mid",   "short",
                                          "stall",     "busy",        "nospace",       "sequence_wrap", "time_wrap",
-                                         "backwards", "swap",        "control_stuck", "slow_open_ms" };
+                                         "backwards", "swap",        "control_stuck", "slow_open_ms",
+                                         "libcamera" };
     char fault[64];
     int err = 0;
 

@@ -45,7 +45,7 @@ SST_MUST_CHECK int sst_grab_list_all(struct sst_grab_device **devices, int *coun
  */
 int sst_grab_select(struct sst_grab_device *devices, int count, uint32_t fourcc);
 
-/* --- split pictures: devices that deliver the pictures of several cameras side by side in one ---------------------- */
+/* --- split pictures: devices that deliver the pictures of several cameras side by side in one --------------------- */
 
 /**
  * Cameras in the picture of each device, `rows` x `cols` of one size. A camera is part N of its device, from 1, row by

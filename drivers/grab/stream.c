@@ -36,11 +36,13 @@ struct grab_stream {
     /* fixed after open */
     int fd, count, parts;
     uint32_t type; /* of its buffers */
+    bool in_turn;  /* buffers must be queued in the order of their numbers */
     struct slot slot[SST_STREAM_BUFFERS_MAX];
     /* under lock */
     pthread_mutex_t lock;
     bool live;   /* streaming: released buffers are queued at once */
     bool closed; /* the descriptor is closed */
+    int next; /* in turn: the buffer to queue next */
     int queued;
     int64_t ready_ns; /* since when any is queued */
     int lent;
@@ -205,6 +207,8 @@ int stream_open(struct grab_stream **out, struct sst_grab_device *device, const 
     }
     s->parts = sst_max_int(cfg->split.rows * cfg->split.cols, 1);
     s->type = node_type(s->fd);
+    /* libcamera's V4L2 layer hands buffers out in the order of their numbers, whichever was filled. */
+    s->in_turn = !strcmp(device->driver, "libcamera");
     err = set_up(s, device, cfg, cam, why, note);
     if (err)
         stream_close(s);
@@ -247,10 +251,26 @@ static int queue_locked(struct grab_stream *s, struct slot *slot)
     return err;
 }
 
+/* Queue buffers from the next one on, up to one that is not idle. @return 0 or the driver's error */
+static int queue_in_turn_locked(struct grab_stream *s)
+{
+    int err = 0;
+
+    for (int i = 0; !err && i < s->count && s->slot[s->next].place == SLOT_IDLE; i++) {
+        err = queue_locked(s, &s->slot[s->next]);
+        s->next = err ? s->next : (s->next + 1) % s->count;
+    }
+    return err;
+}
+
 /* Also buffers that the driver refused before: it may accept them now. A driver that accepts none is detected as
  * silent. */
 static void queue_idle_locked(struct grab_stream *s)
 {
+    if (s->in_turn) {
+        (void)queue_in_turn_locked(s);
+        return;
+    }
     for (int i = 0; i < s->count; i++) {
         if (s->slot[i].place == SLOT_IDLE)
             (void)queue_locked(s, &s->slot[i]);
@@ -262,7 +282,10 @@ int stream_start(struct grab_stream *s, char *why)
     int type = (int)s->type, err = 0;
 
     pthread_mutex_lock(&s->lock);
-    for (int i = 0; !err && i < s->count; i++) {
+    s->next = 0;
+    if (s->in_turn)
+        err = queue_in_turn_locked(s);
+    for (int i = 0; !err && !s->in_turn && i < s->count; i++) {
         if (s->slot[i].place == SLOT_IDLE)
             err = queue_locked(s, &s->slot[i]);
     }

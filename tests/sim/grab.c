@@ -453,6 +453,40 @@ static void a_slow_receiver_is_no_fault_of_the_camera(void **state SST_UNUSED)
     measured(hold);
 }
 
+static void release_out_of_order(void)
+{
+    patient(1);
+    rig.cfg.buffers = 4;
+    rig.cfg.rate_hz = 20;
+    assert_int_equal(rig_fault("camera.%d.libcamera=1", 0), 0);
+    assert_int_equal(rig_start(&rig), 1);
+    assert_string_equal(sst_grab_camera_device(rig.grab, 0)->driver, "libcamera");
+    for (int round = 0; round < 3; round++) {
+        rig.hold_cam = 0;
+        for (int ms = 0; ms < PATIENCE_MS && rig.held_count < 3; ms += 20)
+            assert_int_equal(rig_run(&rig, 20), 0);
+        assert_int_equal(rig.held_count >= 3, 1);
+        rig.hold_cam = -1;
+        while (rig.held_count) /* the newest first */
+            sst_grab_release(rig.grab, rig.held[--rig.held_count]);
+        for (uint64_t more = counters(0).frames + 6, ms = 0; ms < PATIENCE_MS && counters(0).frames < more; ms += 20)
+            assert_int_equal(rig_run(&rig, 20), 0);
+    }
+    too_late(taken_for_hung, (int64_t)counters(0).rung[SST_GRAB_RESTREAM], 0);
+    if (late[0])
+        return;
+    assert_int_equal(counters(0).bad, 0);
+    assert_int_equal(rig.cam[0].faults & (SST_FRAME_BAD | SST_FRAME_FROZEN), 0);
+    rig_stop(&rig);
+    assert_int_equal(rig_fault("camera.%d.libcamera=0", 0), 0);
+}
+
+/* libcamera's V4L2 layer hands out the buffer whose turn it is, not the filled one: they are queued in turn. */
+static void buffers_of_libcamera_are_queued_in_turn(void **state SST_UNUSED)
+{
+    measured(release_out_of_order);
+}
+
 static void give_back_late(void)
 {
     patient(1);
@@ -568,6 +602,7 @@ int main(int argc SST_UNUSED, char **argv)
         cmocka_unit_test_teardown(a_camera_comes_back, clean_up),
         cmocka_unit_test_teardown(refusals_give_their_reason, clean_up),
         cmocka_unit_test_teardown(a_slow_receiver_is_no_fault_of_the_camera, clean_up),
+        cmocka_unit_test_teardown(buffers_of_libcamera_are_queued_in_turn, clean_up),
         cmocka_unit_test_teardown(a_camera_that_had_no_buffer_is_not_hung, clean_up),
         cmocka_unit_test_teardown(slowness_stays_with_its_camera, clean_up),
         cmocka_unit_test_teardown(two_devices_of_one_serial_are_refused, clean_up),

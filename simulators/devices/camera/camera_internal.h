@@ -96,6 +96,7 @@ struct sim_queue {
     bool streaming;
     uint32_t queued[SST_SIM_CAM_BUFFERS], done[SST_SIM_CAM_BUFFERS]; /* indices, oldest first */
     int queued_count, done_count;
+    uint32_t turn;              /* of fault "libcamera": the next buffer to hand out */
     struct sim_request *waiter; /* a blocking DQBUF */
 };
 
@@ -145,6 +146,7 @@ void sim_cam_queue_free(struct sim_cam *cam);
     X(PARM_ERRNO, "parm_errno", 0, 133, "S_PARM fails with this errno")                                                \
     X(MPLANE, "mplane", 0, 1, "1: the node has the multi-planar API alone, with one plane")                            \
     X(SAME_STAMP, "same_stamp", 0, 1, "1: the stamp of the first frame for all")                                       \
+    X(LIBCAMERA, "libcamera", 0, 1, "1: driver and DQBUF as of its V4L2 layer: buffers in the order of their numbers")   \
     X(SLOW_OPEN_MS, "slow_open_ms", 0, 60000, "open() takes this long")
 enum sim_cam_fault {
 #define X(fault, ...) SST_SIM_FAULT_##fault,

@@ -138,11 +138,15 @@ struct sim_buffer *sim_cam_queue_next(struct sim_cam *cam)
 }
 
 /* Dequeue the oldest frame and answer DQBUF. */
-static void dequeue(struct sim_queue *q, struct sim_request *r)
+static void dequeue(struct sim_cam *cam, struct sim_request *r)
 {
     struct v4l2_buffer *out = (struct v4l2_buffer *)r->data;
-    const uint32_t index = shift(q->done, &q->done_count);
+    struct sim_queue *q = &cam->queue;
+    const uint32_t filled = shift(q->done, &q->done_count);
+    const uint32_t index = sim_cam_fault(cam, SST_SIM_FAULT_LIBCAMERA) > 0 ? q->turn : filled;
     struct sim_buffer *b = &q->buffer[index];
+
+    q->turn = (q->turn + 1) % q->count;
 
     describe(q, index, out);
     out->flags &= ~(uint32_t)V4L2_BUF_FLAG_DONE;
@@ -167,7 +171,7 @@ void sim_cam_queue_done(struct sim_cam *cam)
     q->done[q->done_count++] = index;
     if (waiter) {
         q->waiter = NULL;
-        dequeue(q, waiter);
+        dequeue(cam, waiter);
         sst_sim_answer(cam->server, waiter, 0);
     } else if (q->owner) {
         /* One byte for each finished frame. 32 always fit. */
@@ -356,7 +360,7 @@ static int dequeue_buffer(struct sim_cam *cam, struct sim_open *o, struct sim_re
     if (sim_cam_chance(cam, sim_cam_fault(cam, SST_SIM_FAULT_EIO)))
         return -EIO;
     if (q->done_count) {
-        dequeue(q, r);
+        dequeue(cam, r);
         r->drain = 1;
         return 0;
     }
@@ -392,6 +396,7 @@ static int stream_on(struct sim_cam *cam, struct sim_open *o, int type)
     if (q->streaming)
         return 0;
     q->streaming = true;
+    q->turn = 0;
     err = sim_cam_start(cam);
     if (err)
         q->streaming = false;

@@ -45,12 +45,13 @@ static int query_capabilities(const struct sim_cam *cam, struct v4l2_capability 
     struct sim_identity identity;
 
     sim_identity(cam->array->cfg.usb, cam->index, &identity);
-    *c = (struct v4l2_capability){ .driver = "uvcvideo",
-                                   .version = KERNEL_VERSION_SHOWN,
+    *c = (struct v4l2_capability){ .version = KERNEL_VERSION_SHOWN,
                                    .device_caps = V4L2_CAP_STREAMING | V4L2_CAP_EXT_PIX_FORMAT };
     c->device_caps |=
         sim_cam_type(cam) == V4L2_BUF_TYPE_VIDEO_CAPTURE ? V4L2_CAP_VIDEO_CAPTURE : V4L2_CAP_VIDEO_CAPTURE_MPLANE;
     c->capabilities = c->device_caps | V4L2_CAP_DEVICE_CAPS;
+    (void)snprintf((char *)c->driver, sizeof(c->driver), "%s",
+                   sim_cam_fault(cam, SST_SIM_FAULT_LIBCAMERA) > 0 ? "libcamera" : "uvcvideo");
     (void)snprintf((char *)c->card, sizeof(c->card), "%s", identity.card);
     (void)snprintf((char *)c->bus_info, sizeof(c->bus_info), "%.31s", identity.bus_info);
     return 0;
