@@ -114,6 +114,7 @@ static const struct {
     { "hosts.address", "hosts: { address: 127.0.0.2 }" },
     { "hosts.nodes", "hosts: { nodes: [ a ] }" },
     { "cameras.format", "cameras: { format: YUYV }" },
+    { "cameras.split", "cameras: { split: 1x2 }" },
     { "cameras.controls", "cameras: { controls: { gain: 3 } }" },
     { "cameras.bind", "cameras: { bind: [ { row: 0, col: 0, serial: A } ] }" },
     { "genicam.gain", "genicam: { gain: 3 }" },
