@@ -55,6 +55,18 @@ enum sst_config_role {
 };
 
 #define SST_CONFIG_NODES_MAX 16
+#define SST_CONFIG_MASKS_MAX 16
+#define SST_MASK_POINTS      16
+
+/** A region that is black in frames before anything else reads them: of one camera's frames, or of the reference view
+ *  between two depths, in the frames of all cameras. */
+struct sst_config_mask {
+    char name[32];         /* [a-z0-9_-]+ */
+    int row, col;          /* of the camera; both -1: the reference view */
+    double x0, y0, x1, y1; /* a rectangle, in fractions of width and height; */
+    char points[SST_CONFIG_TEXT_MAX]; /* or a polygon, "x,y x,y x,y"; sst_mask_corners() gives both */
+    double near_px, far_px;           /* of the reference view: disparities where it begins and ends; near INFINITY: none */
+};
 
 struct sst_config_camera {
     int row, col;
@@ -129,6 +141,10 @@ struct sst_array_config {
         int queue;      /* of a node: sets that wait to be sent */
         bool skip_unchanged;
     } hosts;
+    /* privacy: */
+    int masks;
+    struct sst_config_mask mask[SST_CONFIG_MASKS_MAX];
+    char mask_calibration[SST_CONFIG_TEXT_MAX]; /* live.calibration, if a mask is of the reference view; "" */
 };
 
 /** Number of bound cameras of a kind. */
@@ -142,6 +158,10 @@ static inline double sst_array_sets_hz(const struct sst_array_config *cfg)
 {
     return cfg->source == SST_CONFIG_FREE_RUN && cfg->role != SST_CONFIG_HEAD ? cfg->rate_hz : cfg->trigger_hz;
 }
+
+/** Corners of a mask, in fractions of the picture. @param x, y  out, [SST_MASK_POINTS]
+ *  @return number of corners; 0: `points` is no polygon */
+int sst_mask_corners(const struct sst_config_mask *mask, double *x, double *y);
 
 void sst_array_config_defaults(struct sst_array_config *cfg);
 

@@ -229,6 +229,59 @@ static void check_hosts(const struct config_load *load)
               a->role == SST_CONFIG_NODE ? "node" : "head");
 }
 
+static bool has_edges(struct sst_yaml_node *region)
+{
+    return sst_yaml_get(region, "x0") || sst_yaml_get(region, "y0") || sst_yaml_get(region, "x1") ||
+           sst_yaml_get(region, "y1");
+}
+
+/* @return NULL: no fault */
+static const char *mask_fault(const struct sst_array_config *a, const struct sst_config_mask *m,
+                              struct sst_yaml_node *n)
+{
+    double x[SST_MASK_POINTS], y[SST_MASK_POINTS];
+
+    if (n->type != SST_YAML_MAP)
+        return NULL;
+    if (*m->points && has_edges(n))
+        return "has both points and edges; give either";
+    if (*m->points && sst_mask_corners(m, x, y) == 2)
+        return "has two points, which are no region; give more";
+    if (!*m->points && m->x0 >= m->x1)
+        return "has an x0 that is not below its x1";
+    if (!*m->points && m->y0 >= m->y1)
+        return "has a y0 that is not below its y1";
+    if ((m->row < 0) != (m->col < 0))
+        return "needs both row and col of its camera, or neither: the reference view";
+    if (m->row >= a->rows || m->col >= a->cols)
+        return "names a camera beyond the rows and columns of the array";
+    if (m->row >= 0 && (isfinite(m->near_px) || m->far_px != 0))
+        return "has a depth, which masks of one camera's frames do not have; leave out near_px and far_px";
+    if (m->row < 0 && !isfinite(m->near_px))
+        return "is of the reference view and needs near_px, the disparity where the region begins (px per spacing)";
+    return m->row < 0 && m->far_px >= m->near_px ? "has a far_px that is not below its near_px" : NULL;
+}
+
+static void check_masks(struct config_load *load)
+{
+    const struct config_place *p = source(load, "privacy.masks", NULL);
+    struct sst_array_config *a = &load->cfg->array;
+    struct sst_yaml_node *n = elements(p);
+
+    a->mask_calibration[0] = 0;
+    for (int i = 0; n && i < a->masks; i++, n = n->next) {
+        const struct sst_config_mask *m = &a->mask[i];
+
+        if (mask_fault(a, m, n))
+            fault(p, n, "has a mask that %s", mask_fault(a, m, n));
+        for (int k = 0; k < i; k++)
+            if (*m->name && !strcmp(a->mask[k].name, m->name))
+                fault(p, n, "has two masks named %s", m->name);
+        if (m->row < 0)
+            memcpy(a->mask_calibration, load->cfg->live.calibration, sizeof(a->mask_calibration));
+    }
+}
+
 void config_check_array(struct config_load *load)
 {
     const struct sst_array_config *a = &load->cfg->array;
@@ -255,14 +308,10 @@ void config_check_array(struct config_load *load)
     check_genicam(load);
     check_rig(load);
     check_hosts(load);
+    check_masks(load);
 }
 
 /* --- service ------------------------------------------------------------------------------------------------------ */
-
-static bool has_edges(struct sst_yaml_node *zone)
-{
-    return sst_yaml_get(zone, "x0") || sst_yaml_get(zone, "y0") || sst_yaml_get(zone, "x1") || sst_yaml_get(zone, "y1");
-}
 
 /* Keys that only lines have, and keys that they cannot have. @return NULL: no fault */
 static const char *line_fault(const struct sst_zone *z)
@@ -520,6 +569,10 @@ static void check_poses(const struct config_load *load)
         if (c->storage.trigger[i].label[0] || c->storage.trigger[i].visit)
             fault(source(load, "storage.record_on", NULL), NULL,
                   "has a label or visit, which cameras with live: poses do not notice; changes and zones remain");
+    for (int i = 0; i < c->array.masks; i++)
+        if (c->array.mask[i].row < 0)
+            fault(source(load, "privacy.masks", NULL), NULL,
+                  "has a mask of the reference view, which cameras with live: poses do not have; give row and col");
     for (int i = 0; i < c->zones; i++)
         if (c->zone[i].line || isfinite(c->zone[i].near_px) || isfinite(c->zone[i].far_px))
             fault(source(load, "zones", NULL), NULL,

@@ -150,6 +150,8 @@ static void parse_number(struct sst_yaml *doc, const struct sst_yaml_node *n, co
 {
     if (key->type == SST_KEY_DOUBLE && is_word(n, key))
         memcpy(out, &key->word_value, sizeof(double));
+    else if (key->type == SST_KEY_INT && is_word(n, key))
+        *(int *)out = (int)key->word_value;
     else if (key->type == SST_KEY_DOUBLE || key->type == SST_KEY_DOUBLES)
         (void)sst_yaml_double(doc, n, key->min, key->max, out);
     else
@@ -382,7 +384,7 @@ void config_parse(struct config_load *load, struct sst_yaml *doc, bool zones_onl
                 sst_yaml_know_tree(section);
         }
         n = sst_yaml_get(section, keys[i].name);
-        if (n && ignored) {
+        if (n && ignored && !sst_key_places_masks(&keys[i])) {
             sst_yaml_know_tree(n);
         } else if (n) {
             load->at[i] = (struct config_place){ doc, n };

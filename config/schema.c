@@ -66,6 +66,19 @@ static const struct sst_key zone_keys[] = {
     { FIELD(struct sst_zone, direction, CHOICE, "both"), CHOICE(line_directions) },
 };
 
+static const struct sst_key mask_keys[] = {
+    { FIELD(struct sst_config_mask, name, TEXT, NULL), KIND(NAME) },
+    { FIELD(struct sst_config_mask, row, INT, "all"), RANGE(0, SST_CAMERAS_MAX - 1), WORD("all", -1) },
+    { FIELD(struct sst_config_mask, col, INT, "all"), RANGE(0, SST_CAMERAS_MAX - 1), WORD("all", -1) },
+    { FIELD(struct sst_config_mask, x0, DOUBLE, "0"), RANGE(0, 1) },
+    { FIELD(struct sst_config_mask, y0, DOUBLE, "0"), RANGE(0, 1) },
+    { FIELD(struct sst_config_mask, x1, DOUBLE, "1"), RANGE(0, 1) },
+    { FIELD(struct sst_config_mask, y1, DOUBLE, "1"), RANGE(0, 1) },
+    { FIELD(struct sst_config_mask, points, TEXT, ""), KIND(POINTS) },
+    { FIELD(struct sst_config_mask, near_px, DOUBLE, "none"), RANGE(-1000, 1000), WORD("none", INFINITY) },
+    { FIELD(struct sst_config_mask, far_px, DOUBLE, "0"), RANGE(-1000, 1000) },
+};
+
 static const struct sst_key record_keys[] = {
     { FIELD(struct sst_record_trigger, zone, ZONE, "") },
     { FIELD(struct sst_record_trigger, label, TEXT, "") },
@@ -184,6 +197,9 @@ static const struct sst_key keys[] = {
     {
         KEY("hosts", "skip_unchanged", BOOL, array.hosts.skip_unchanged, "true", DAEMON),
     },
+
+    { KEY("privacy", "masks", LIST, array.mask, "[]", CAMERAS), COUNT(array.masks), STRIDE(array.mask),
+      FIELDS(mask_keys) },
 
     { KEY("live", "enabled", BOOL, live.enabled, "true", PICTURE) },
     { KEY("live", "calibration", TEXT, live.calibration, "", PICTURE), KIND(FILE) },
@@ -328,9 +344,15 @@ int sst_schema_index(const char *dotted)
     return i;
 }
 
+bool sst_key_places_masks(const struct sst_key *key)
+{
+    return !strcmp(key->section, "live") && !strcmp(key->name, "calibration");
+}
+
 bool sst_key_of_array(const struct sst_key *key)
 {
-    static const char *const sections[] = { "array", "cameras", "genicam", "trigger", "sets", "rig", "still", "hosts" };
+    static const char *const sections[] = { "array", "cameras", "genicam", "trigger", "sets",
+                                            "rig",   "still",   "hosts",   "privacy" };
 
     for (size_t i = 0; i < ARRAY_LEN(sections); i++)
         if (!strcmp(key->section, sections[i]))

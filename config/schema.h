@@ -69,6 +69,9 @@ int sst_schema_index(const char *dotted);
 /** True if the key belongs to struct sst_array_config. */
 bool sst_key_of_array(const struct sst_key *key);
 
+/** True for live.calibration, which masks of the reference view need in every program that captures. */
+bool sst_key_places_masks(const struct sst_key *key);
+
 /** Types of events that hooks may name, "*" first (daemon/events/events.h). */
 extern const char *const sst_event_types[];
 extern const int sst_event_types_count;

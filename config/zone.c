@@ -1,4 +1,4 @@
-/* Zones: their corners, and the file of the zones drawn on the page. */
+/* Zones and masks: their corners, and the file of the zones drawn on the page. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -39,6 +39,18 @@ int config_points(const char *text, double *x, double *y)
     if (n == 2)
         return hypot(x[1] - x[0], y[1] - y[0]) >= LENGTH_LEAST ? n : 0;
     return n >= 3 && fabs(area) >= AREA_LEAST ? n : 0;
+}
+
+int sst_mask_corners(const struct sst_config_mask *m, double *x, double *y)
+{
+    const double px[] = { m->x0, m->x1, m->x1, m->x0 }, py[] = { m->y0, m->y0, m->y1, m->y1 };
+
+    _Static_assert(SST_MASK_POINTS == SST_ZONE_POINTS, "corners of both are parsed alike");
+    if (*m->points)
+        return config_points(m->points, x, y);
+    memcpy(x, px, sizeof(px));
+    memcpy(y, py, sizeof(py));
+    return 4;
 }
 
 int sst_zone_corners(const struct sst_zone *z, double *x, double *y)

@@ -13,6 +13,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "capture/array/array_internal.h"
+#include "capture/array/masks.h"
 #include "drivers/trigger/trigger.h"
 
 #define EDGES         64   /* from the trigger's thread, not yet processed */
@@ -33,6 +34,8 @@ struct sst_capture {
     struct cameras *cameras;  /* the source; NULL: another one */
     struct sst_trigger *trigger;
     struct sst_framesync *sets;
+    struct sst_masks *masks; /* NULL: none; used by the writer */
+    struct sst_masks_set *masked;
     int wake_fd; /* eventfd: edges, stop */
     atomic_bool stop;
     /* capture thread */
@@ -53,7 +56,7 @@ struct sst_capture {
     struct sst_frameset *queue[64]; /* closed sets on their way to the writer; the pool is no larger */
     int queue_first, queue_count;
     bool writer_ends, writer_runs;
-    uint64_t refused;
+    uint64_t refused, withheld, spoilt; /* sets; frames without their masks; sets that were complete with them */
     pthread_t writer;
 };
 
@@ -63,6 +66,23 @@ static void wake(struct sst_capture *c)
 }
 
 /* --- writer thread ------------------------------------------------------------------------------------------------ */
+
+/* The set as others may see it. Frames that cannot be masked are returned to their cameras. */
+static const struct sst_frameset *mask_set(struct sst_capture *c, struct sst_frameset *set)
+{
+    if (!c->masks)
+        return set;
+    sst_masks_apply(c->masks, set, c->masked);
+    if (c->masked->withheld) {
+        pthread_mutex_lock(&c->lock);
+        c->withheld += (uint64_t)c->masked->withheld;
+        c->spoilt += set->present == set->cameras;
+        pthread_mutex_unlock(&c->lock);
+    }
+    for (int i = 0; i < c->masked->withheld; i++)
+        sst_framesync_withhold(c->sets, set, c->masked->cam[i]);
+    return &c->masked->set;
+}
 
 static void *write_sets(void *arg)
 {
@@ -81,7 +101,7 @@ static void *write_sets(void *arg)
         c->queue_first = (c->queue_first + 1) % (int)ARRAY_LEN(c->queue);
         c->queue_count--;
         pthread_mutex_unlock(&c->lock);
-        err = c->events.set(c->events.arg, set);
+        err = c->events.set(c->events.arg, mask_set(c, set));
         sst_framesync_recycle(c->sets, set, err != 0);
         pthread_mutex_lock(&c->lock);
         c->refused += err != 0;
@@ -412,6 +432,17 @@ static int open_trigger(struct sst_capture *c)
     return sst_trigger_open(&c->trigger, &cfg, on_edge, c);
 }
 
+/* Without its masks an array is not captured. */
+static int open_masks(struct sst_capture *c)
+{
+    const int err = sst_masks_create(&c->masks, c->array);
+
+    if (err || !c->masks)
+        return err;
+    c->masked = malloc(sizeof(*c->masked));
+    return c->masked ? 0 : -ENOMEM;
+}
+
 int sst_capture_open_source(struct sst_capture **out, struct sst_array_config *array, const struct sst_source *source,
                             const struct sst_capture_events *events)
 {
@@ -433,6 +464,7 @@ int sst_capture_open_source(struct sst_capture **out, struct sst_array_config *a
     if (!err && c->owned && !array->bound)
         err = bind_all(array, events->again);
     name_cameras(c);
+    err = err ? err : open_masks(c);
     err = err ? err : open_sets(c);
     err = err ? err : open_trigger(c);
     err = err ? err : open_cameras(c);
@@ -652,7 +684,17 @@ void sst_capture_report(const struct sst_capture *capture, struct sst_capture_re
     out->ticks_skipped = c->trigger ? sst_trigger_skipped(c->trigger) : 0;
     pthread_mutex_lock(&c->lock);
     out->refused = c->refused;
+    out->withheld = c->withheld;
+    out->complete -= c->spoilt < out->complete ? c->spoilt : out->complete;
     pthread_mutex_unlock(&c->lock);
+    out->masked = 0;
+    for (int cam = 0; cam < c->array->bound; cam++)
+        out->masked += sst_masks_share(c->masks, cam) > 0;
+}
+
+double sst_capture_masked(const struct sst_capture *c, int cam)
+{
+    return sst_masks_share(c->masks, cam);
 }
 
 void sst_capture_camera(const struct sst_capture *c, int cam, struct sst_grab_counters *grab,
@@ -677,6 +719,8 @@ void sst_capture_close(struct sst_capture *c)
     end_writer(c);
     cameras_close(c->cameras);
     sst_framesync_destroy(c->sets);
+    sst_masks_destroy(c->masks);
+    free(c->masked);
     if (c->wake_fd >= 0)
         close(c->wake_fd);
     pthread_cond_destroy(&c->changed);

@@ -15,7 +15,7 @@ struct sst_capture; /* opaque; open, run and close on one thread */
 
 struct sst_capture_events {
     void *arg;
-    /** Store a frameset; called on the writer's thread. Its frames are released on return; an error drops it, counted.
+    /** Store a frameset, with privacy masks applied; called on the writer's thread. Its frames are released on return; an error drops it, counted.
      */
     int (*set)(void *arg, const struct sst_frameset *set);
     /** Called about once a second and at the end, on the capture thread; may be NULL. */
@@ -36,6 +36,8 @@ struct sst_capture_report {
     bool trigger_away;                          /* its chip is disconnected */
     int worst_cam;                              /* of the set with the most skew; -1 */
     struct sst_grab_counters grab;              /* sums over the cameras */
+    int masked;        /* cameras with privacy masks */
+    uint64_t withheld; /* frames left out of their sets, since masks could not be applied to them */
     uint64_t unexplained; /* frames that are neither waiting nor in exactly one bucket: must be 0, else it is a bug */
 };
 
@@ -74,6 +76,8 @@ void sst_capture_camera(const struct sst_capture *capture, int cam, struct sst_g
 bool sst_capture_ptp(const struct sst_capture *capture, int cam, struct sst_genicam_ptp *out);
 /** Cameras in the picture of each device. */
 struct sst_grab_split sst_capture_split(const struct sst_array_config *array);
+/** Share of a camera's frames that privacy masks make black, 0..1. */
+double sst_capture_masked(const struct sst_capture *capture, int cam);
 
 /** Settings of the cameras in an array's configuration, without bindings. */
 void sst_capture_grab_config(struct sst_grab_config *cfg, const struct sst_array_config *array);

@@ -105,6 +105,18 @@ static struct sst_frameset *acquire_set(struct sst_framesync *s)
     return set;
 }
 
+void sst_framesync_withhold(struct sst_framesync *s, struct sst_frameset *set, int cam)
+{
+    struct sst_frame *frame = set->frame[cam];
+
+    pthread_mutex_lock(&s->lock);
+    count_locked(s, cam, SST_BUCKET_CORRUPT);
+    set->frame[cam] = NULL;
+    set->present--;
+    pthread_mutex_unlock(&s->lock);
+    s->events.release(s->events.arg, frame, SST_BUCKET_DROPPED); /* by policy: on this thread no health is noted */
+}
+
 void sst_framesync_recycle(struct sst_framesync *s, struct sst_frameset *set, bool dropped)
 {
     const enum sst_bucket bucket = dropped ? SST_BUCKET_DROPPED : SST_BUCKET_SET;

@@ -69,7 +69,8 @@ struct sst_framesync_events {
      * sst_framesync_recycle().
      */
     void (*set)(void *arg, struct sst_frameset *set);
-    /** A frame can be released; for SET and DROPPED called by sst_framesync_recycle(), on its thread. */
+    /** A frame can be released; for SET and DROPPED called by sst_framesync_recycle() and sst_framesync_withhold(), on
+     * their thread. */
     void (*release)(void *arg, struct sst_frame *frame, enum sst_bucket bucket);
 };
 
@@ -105,6 +106,9 @@ int64_t sst_framesync_tick(struct sst_framesync *sets, int64_t now_ns);
 
 /** Close all open sets as they are. */
 void sst_framesync_flush(struct sst_framesync *sets);
+
+/** Return one frame of a set that the receiver holds; it counts as corrupt, and is no longer in the set.  Thread: any. */
+void sst_framesync_withhold(struct sst_framesync *sets, struct sst_frameset *set, int cam);
 
 /** Return a set from the receiver: its frames are released.  Thread: any; calls the release event.
  *  @param dropped  count its frames as dropped by policy */

@@ -136,6 +136,7 @@ int link_local_open(struct link_local **out, struct sst_link_head *head, const s
     l->head = head;
     l->array = *array;
     l->array.role = SST_CONFIG_SINGLE;
+    l->array.masks = 0; /* the capture of all hosts applies them */
     pthread_mutex_init(&l->lock, NULL);
     sst_cond_init(&l->changed);
     pthread_mutex_lock(&head->lock);

@@ -301,6 +301,7 @@ static void begin_locked(struct service_array *a, struct sst_capture *capture)
         memcpy(c->serial, device->port[0] ? device->serial : a->config.camera[i].serial, sizeof(c->serial));
         memcpy(c->port, device->port[0] ? device->port : a->config.camera[i].port, sizeof(c->port));
         memcpy(c->name, device->name, sizeof(c->name));
+        c->masked = sst_capture_masked(capture, i);
     }
 }
 

@@ -100,6 +100,8 @@ static int change(struct sst_service *s, struct sst_config *to, const struct sst
         return n;
     list = changes_json(changes, n, &all);
     free(changes);
+    if (strcmp(from->array.mask_calibration, to->array.mask_calibration) != 0) /* masks lie elsewhere in the frames */
+        all.cameras = true;
     err = renew(s, to, dry_run, list);
     if (!err) {
         out->body = json_pack("{s:b, s:O, s:b, s:i}", "applied", !dry_run, "changes", list, "restarts_cameras",

@@ -51,6 +51,7 @@ struct array_camera {
     uint64_t bucket[SST_BUCKETS];
     double rate_hz;  /* frames in sets, over the last second */
     double skew_us;  /* its stamps less the median of their sets, smoothed */
+    double masked;   /* share of its frames that privacy masks make black */
     int64_t last_ns; /* of its last frame in a set; 0: none yet */
 };
 

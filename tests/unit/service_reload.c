@@ -128,6 +128,7 @@ static const struct {
     { "live.focus_px", "live: { focus_px: 3 }" },
     { "live.plane_mm", "live: { plane_mm: 3000 }" },
     { "rig.travel_min_mm", "rig: { travel_min_mm: -5 }" },
+    { "privacy.masks", "privacy: { masks: [ { name: a, row: 0, col: 0, x0: 0.5 } ] }" },
     { "zones", "zones: [ { name: a, x0: 0, y0: 0, x1: 1, y1: 1 } ]" },
     { "web.address", "web: { address: 127.0.0.2 }" },
     { "web.tls_certificate", "web: { tls_certificate: /c.pem, tls_key: /k.pem }" },
