@@ -10,6 +10,7 @@
 #include "base/log.h"
 #include "base/text.h"
 #include "capture/array/capture.h"
+#include "capture/array/masks.h"
 #include "cli/cli_internal.h"
 #include "cli/doctor_internal.h"
 #include "pipeline/image/codec.h"
@@ -35,6 +36,8 @@ struct shot {
 struct session {
     struct shot *shots; /* [count], in the order of ports */
     int count;
+    struct sst_masks *masks; /* of the shots; NULL: none */
+    struct sst_masks_set *masked;
     /* of the running grab */
     struct sst_grab *grab;
     int index[SST_CAMERAS_MAX], missing;
@@ -57,14 +60,30 @@ static int decode(struct sst_image *img, const struct sst_frame *f, const char *
 
 /* --- grabbing ----------------------------------------------------------------------------------------------------- */
 
+/* The frame as others may see it. @return NULL: masks cannot be applied to it */
+static const struct sst_frame *mask(struct session *s, int i, struct sst_frame *f)
+{
+    struct sst_frameset set = { .cameras = s->count, .present = 1 };
+
+    if (!s->masks)
+        return f;
+    set.frame[i] = f;
+    sst_masks_apply(s->masks, &set, s->masked);
+    return s->masked->set.frame[i];
+}
+
 static void on_frame(void *arg, struct sst_frame *f)
 {
     struct session *s = arg;
-    struct shot *shot = &s->shots[s->index[f->cam]];
+    const int i = s->index[f->cam];
+    struct shot *shot = &s->shots[i];
 
-    if (!(f->faults & SST_FRAME_BAD) && !shot->image.width && shot->good++ >= SKIP_FRAMES &&
-        !decode(&shot->image, f, shot->device.node))
-        s->missing--;
+    if (!(f->faults & SST_FRAME_BAD) && !shot->image.width && shot->good++ >= SKIP_FRAMES) {
+        const struct sst_frame *seen = mask(s, i, f);
+
+        if (seen && !decode(&shot->image, seen, shot->device.node))
+            s->missing--;
+    }
     sst_grab_release(s->grab, f);
 }
 
@@ -384,6 +403,30 @@ static int choose(struct session *s, const struct sst_array_config *cfg, const c
     return err ? err : -ENODATA;
 }
 
+/* Masks for the cameras in the order of the shots. A picture without a place in the array is black as a whole. */
+static int open_masks(struct session *s, const struct sst_array_config *cfg)
+{
+    struct sst_array_config *a = malloc(sizeof(*a));
+    int unknown = 0, err;
+
+    if (!a)
+        return -ENOMEM;
+    *a = *cfg;
+    a->bound = s->count;
+    for (int i = 0; i < s->count; i++) {
+        a->camera[i] = (struct sst_config_camera){ .row = s->shots[i].place.row, .col = s->shots[i].place.col };
+        unknown += a->camera[i].row < 0;
+    }
+    err = sst_masks_create(&s->masks, a);
+    if (!err && s->masks && unknown)
+        sst_log_warning("%d cameras have no place in the array, so privacy masks cannot be placed and their pictures are "
+                        "black; take out privacy: masks until cameras: bind is written",
+                        unknown);
+    s->masked = err ? NULL : malloc(sizeof(*s->masked));
+    free(a);
+    return err || s->masked ? err : -ENOMEM;
+}
+
 static int run(const struct cli_command *cmd, int argc, char **argv)
 {
     const char *serial = NULL, *port = NULL, *dir = "identify", *write = NULL, *config = NULL;
@@ -407,10 +450,13 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     err = err ? err : choose(&s, &cfg, serial, port);
     if (!err && write)
         err = write_bindings(&s, &cfg, write);
+    err = err ? err : open_masks(&s, &cfg);
     err = err ? err : take_pictures(&s, &cfg);
     err = err ? err : show(&s, &cfg, dir, json);
     for (int i = 0; i < s.count; i++)
         sst_image_fini(&s.shots[i].image);
+    sst_masks_destroy(s.masks);
+    free(s.masked);
     free(s.shots);
     return cli_exit_code(err);
 }

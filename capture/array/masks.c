@@ -206,6 +206,10 @@ static int place_camera(struct sst_masks *m, int cam, const struct views *v)
         const bool reference = mask->row < 0;
         struct region r;
 
+        if (at->row < 0) {
+            memset(c->black, 1, (size_t)blocks);
+            continue;
+        }
         if (!reference && (mask->row != at->row || mask->col != at->col))
             continue;
         set_region(&r, mask, a->width, a->height, reference ? BEYOND : 0);
@@ -243,7 +247,8 @@ static int reference_view(const struct views *v)
     int best = row * a->cols + col, least = -1;
 
     for (int i = 0; i < a->bound; i++)
-        has[a->camera[i].row * a->cols + a->camera[i].col] = true;
+        if (a->camera[i].row >= 0)
+            has[a->camera[i].row * a->cols + a->camera[i].col] = true;
     for (int k = 0; k < a->rows * a->cols; k++) {
         const int dr = k / a->cols - row, dc = k % a->cols - col, d2 = dr * dr + dc * dc;
 

@@ -14,7 +14,8 @@ struct sst_masks; /* opaque; one thread */
  * covers in every camera the blocks that any point of the region between its depths is seen in, and those within
  * SST_MASKS_MARGIN_PX of them: block at q of view k is black if q + d b_k is in the region for a disparity d between
  * far_px and near_px (docs/design/design.md, 4). Positions are rectified by the calibration; without one, b_k are the steps of
- * the lattice, and a warning is logged. Frames of a camera that the calibration lacks are black as a whole.
+ * the lattice, and a warning is logged. Frames of a camera that the calibration lacks, or whose row is negative (its place
+ * is unknown), are black as a whole.
  *
  * @param out  NULL where the configuration has no masks
  * @return 0, -ENOENT/-EBADMSG (calibration, also one of another grid or size), -EINVAL (a format that cannot be masked),
