@@ -564,7 +564,12 @@ man: $(BUILD)/sst $(BUILD)/api_tables ## write man pages, completions, openapi.j
 	scripts/config_man.py --build $(BUILD)
 	scripts/openapi.py --build $(BUILD)
 
-.PHONY: check-docs api-index release-check
+.PHONY: check-docs api-index release-check release sbom
+sbom: all ## bill of materials of the build: build/sst.cdx.json (docs/design/release.md)
+	scripts/evidence.py sbom --build $(BUILD) -o $(BUILD)/sst.cdx.json
+	@echo $(BUILD)/sst.cdx.json
+release: all ## source archive, bill of materials, provenance, hashes, signed tag: build/release (docs/design/release.md)
+	scripts/release.sh $(BUILD)
 release-check: ## version, changelog, man pages and docs name one release
 	scripts/release_check.sh
 check-docs: ## links, citations and names in the docs resolve; part of check-includes

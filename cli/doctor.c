@@ -5,7 +5,7 @@
 #include <stdarg.h>
 #include <stdio.h>
 
-static const char *const level_names[] = { "OK", "WARNING", "PROBLEM" };
+static const char *const level_names[] = { "OK", "WARNING", "PROBLEM", "NOTE" };
 
 void doctor_add(struct doctor *d, enum doctor_level level, const char *area, const char *fmt, ...)
 {
@@ -17,6 +17,7 @@ void doctor_add(struct doctor *d, enum doctor_level level, const char *area, con
     f = &d->finding[d->count++];
     f->level = level;
     f->area = area;
+    f->key = NULL;
     va_start(args, fmt);
     vsnprintf(f->text, sizeof(f->text), fmt, args);
     va_end(args);
@@ -40,8 +41,8 @@ static int print_json(const struct doctor *d)
     for (int i = 0; i < d->count; i++) {
         const struct doctor_finding *f = &d->finding[i];
 
-        json_array_append_new(findings, json_pack("{s:s, s:s, s:o}", "level", level_names[f->level], "area", f->area,
-                                                  "text", cli_text_json(f->text)));
+        json_array_append_new(findings, json_pack("{s:s, s:s, s:o, s:s*}", "level", level_names[f->level], "area", f->area,
+                                                  "text", cli_text_json(f->text), "key", f->key));
     }
     return cli_dump_json(root, JSON_INDENT(2));
 }
@@ -51,8 +52,29 @@ static void print_text(const struct doctor *d)
     const int problems = count(d, DOCTOR_PROBLEM), warnings = count(d, DOCTOR_WARNING);
 
     for (int i = 0; i < d->count; i++)
-        printf("%-8s %-10s %s\n", level_names[d->finding[i].level], d->finding[i].area, d->finding[i].text);
+        printf("%-8s %-10s %s%s%s%s\n", level_names[d->finding[i].level], d->finding[i].area, d->finding[i].text,
+               d->finding[i].key ? "  [" : "", d->finding[i].key ? d->finding[i].key : "", d->finding[i].key ? "]" : "");
     printf("\n%d problem%s, %d warning%s\n", problems, problems == 1 ? "" : "s", warnings, warnings == 1 ? "" : "s");
+}
+
+/* All that capturing needs. */
+static void check_capturing(struct doctor *d)
+{
+    if (d->cfg->role != SST_CONFIG_HEAD || d->cfg->bound) { /* a head may have no cameras */
+        doctor_check_cameras(d);
+        doctor_check_genicam(d);
+        doctor_check_bandwidth(d);
+        doctor_check_trigger(d);
+    }
+    doctor_check_still(d);
+    doctor_check_rig(d);
+    doctor_check_disk(d);
+    doctor_check_limits(d);
+    doctor_check_clock(d);
+    doctor_check_hosts(d);
+    doctor_check_uvcvideo(d);
+    doctor_check_gpu(d);
+    doctor_check_live(d);
 }
 
 static int run(const struct cli_command *cmd, int argc, char **argv)
@@ -60,10 +82,11 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     static struct sst_array_config cfg; /* large */
     static struct doctor doctor;
     const char *config = NULL, *folder = NULL;
-    bool json = false;
+    bool json = false, law = false;
     const struct cli_option options[] = {
         { "config", 'c', CLI_STRING, &config, "FILE", "configuration (/etc/sst/sstd.yaml if it exists)" },
         { "output", 'o', CLI_STRING, &folder, "DIR", "folder of recordings; its write speed is measured for 1 s" },
+        { "law", 0, CLI_FLAG, &law, NULL, "retention, access, encryption and masks, and the age of what is stored" },
         { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object" },
     };
     int r = cli_parse(cmd, options, ARRAY_LEN(options), argc, argv, NULL, 0, 0);
@@ -75,21 +98,12 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     if (err)
         return cli_exit_code(err);
     doctor = (struct doctor){ .cfg = &cfg, .config = config, .folder = folder };
-    if (cfg.role != SST_CONFIG_HEAD || cfg.bound) { /* a head may have no cameras */
-        doctor_check_cameras(&doctor);
-        doctor_check_genicam(&doctor);
-        doctor_check_bandwidth(&doctor);
-        doctor_check_trigger(&doctor);
-    }
-    doctor_check_still(&doctor);
-    doctor_check_rig(&doctor);
-    doctor_check_disk(&doctor);
-    doctor_check_limits(&doctor);
-    doctor_check_clock(&doctor);
-    doctor_check_hosts(&doctor);
-    doctor_check_uvcvideo(&doctor);
-    doctor_check_gpu(&doctor);
-    doctor_check_live(&doctor);
+    if (law)
+        err = doctor_check_law(&doctor);
+    else
+        check_capturing(&doctor);
+    if (err)
+        return cli_exit_code(err);
     r = CLI_OK;
     if (json)
         r = print_json(&doctor);

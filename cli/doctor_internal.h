@@ -11,13 +11,15 @@
 enum doctor_level {
     DOCTOR_OK = 0,
     DOCTOR_WARNING = 1, /* works, but not well or not in every case */
-    DOCTOR_PROBLEM = 2, /* capture will fail */
+    DOCTOR_PROBLEM = 2, /* capture will fail; with --law: against what the page of docs/use/law.md asks for */
+    DOCTOR_NOTE = 3,    /* not judged */
 };
 
 struct doctor_finding {
     enum doctor_level level;
     const char *area; /* static */
     char text[1536];  /* one sentence with its remedy */
+    const char *key;  /* of the configuration, "storage.max_age_days", static; NULL: none */
 };
 
 struct doctor {
@@ -48,6 +50,10 @@ void doctor_check_clock(struct doctor *d);
 void doctor_check_hosts(struct doctor *d);
 void doctor_check_uvcvideo(struct doctor *d);
 void doctor_check_gpu(struct doctor *d);
+
+/* doctor_law.c */
+/** Retention and privacy of the whole configuration, and age of what is stored. @return 0, or as sst_config_read() */
+SST_MUST_CHECK int doctor_check_law(struct doctor *d);
 
 /* doctor_live.c */
 /** Work of the live picture's device, and of the CPU. */

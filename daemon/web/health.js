@@ -156,7 +156,7 @@ export class Health {
   }
 
   showCapture(capture) {
-    const { frames = {}, skew_us: skew = {}, trigger = {} } = capture;
+    const { frames = {}, skew_us: skew = {}, trigger = {}, privacy = {} } = capture;
     const buckets = ["late", "duplicate", "stray", "corrupt", "flagged", "dropped"].filter((name) => frames[name] > 0);
     const over = skew.over > 0;
     facts(this.cards.capture.list, [
@@ -167,7 +167,9 @@ export class Health {
       ["Skew limit", `${number(skew.limit)} µs, ${over ? `${number(skew.over)} sets over, worst ${skew.worst}` : "none over"}`, over ? "warn" : ""],
       ["Frames", `${number(frames.delivered)} delivered, ${number(frames.set)} in sets`],
       ["Not in sets", buckets.length ? buckets.map((name) => `${number(frames[name])} ${name}`).join(", ") : "none"],
-      ["Unexplained", number(frames.unexplained), frames.unexplained > 0 ? "bad" : ""]]);
+      ["Unexplained", number(frames.unexplained), frames.unexplained > 0 ? "bad" : ""],
+      ["Privacy masks", privacy.masks > 0 ? `${number(privacy.masks)}, in ${number(privacy.cameras)} cameras` : "none"],
+      ...(privacy.withheld > 0 ? [["Withheld", `${number(privacy.withheld)} damaged frames that could not be masked`, "warn"]] : [])]);
   }
 
   /** Several hosts with one array: the head that a node sends to, or the nodes of a head. */

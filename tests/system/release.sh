@@ -17,4 +17,52 @@ done
 sed -i "s/^\(## ${version//./\\.}\) - .*/\1/" CHANGELOG.md
 "$root/scripts/release_check.sh" "$tmp" 2>err && fail "a release without a date passes"
 grep -q "^error: CHANGELOG.md: no heading" err || fail "without a date: $(cat err)"
+
+# The bill of materials: libraries that programs link with and load, networks, the page; the same bytes again; faults are named.
+build=$root/${SST_BUILD:-build}
+evidence=$root/scripts/evidence.py
+"$evidence" sbom --build "$build" -o one.json 2>err || fail "sbom: $(cat err)"
+TZ=Asia/Tokyo LC_ALL=C "$evidence" sbom --build "$build" -o two.json 2>err && cmp -s one.json two.json || fail "sbom, again: $(cat err)"
+/usr/bin/python3 - "$build/sst" <<'PY' || fail "sbom"
+import hashlib, json, sys
+bom = json.load(open("one.json"))
+parts = {p["bom-ref"]: p for p in bom["components"]}
+assert parts["program:sst"]["hashes"][0]["content"] == hashlib.sha256(open(sys.argv[1], "rb").read()).hexdigest()
+assert parts["library:libjpeg.so.62"]["version"] and parts["library:libjpeg.so.62"]["scope"] == "required"
+assert "model:pspnet-small.onnx" in parts and "embedded:daemon/web/app.js" in parts
+links = {d["ref"]: d["dependsOn"] for d in bom["dependencies"]}
+assert "library:libjpeg.so.62" in links["program:sstd"] and "program:sstd" in links[bom["metadata"]["component"]["bom-ref"]]
+PY
+# wrong PYTHON WORDS: a fault in it, b, is named
+wrong() {
+  /usr/bin/python3 -c "import json; b = json.load(open('$1')); $2; json.dump(b, open('wrong.json', 'w'))"
+  "$evidence" check wrong.json 2>err && fail "$2 passes"
+  grep -q "^error: wrong.json: .*$3" err || fail "$2: $(cat err)"
+}
+wrong one.json 'b["specVersion"] = "1.9"' "no CycloneDX"
+wrong one.json 'b["components"].append(b["components"][0])' "twice"
+wrong one.json 'b["dependencies"][0]["dependsOn"].append("library:none")' "no component"
+wrong one.json 'b["components"][0]["hashes"][0]["content"] = "0"' "hash"
+wrong one.json 'b["serialNumber"] = "7"' "UUID"
+wrong one.json '[p for p in b["components"] if p["type"] == "library"][0].pop("version")' "not installed"
+
+# A whole release, of a clone: archives of two clones are the same bytes, what is not committed is refused, no key is said.
+if git -C "$root" rev-parse HEAD >/dev/null 2>&1; then
+  for clone in a b; do
+    (umask 00$((${#clone} + 25)); git clone -q --shared "$root" $clone) 2>err || fail "clone: $(cat err)"
+    ln -s "$build" $clone/build-made
+    git -C $clone config user.signingkey "" && git -C $clone config --unset user.signingkey
+    (cd $clone && mkdir build && ln -s "$build"/* build/ && HOME=$tmp TZ=Pacific/Auckland scripts/release.sh build) >out$clone 2>err || fail "release: $(cat err)"
+    grep -q 'no signing key' out$clone || fail "no word of a key: $(cat out$clone)"
+  done
+  cmp a/build/release/sst-*.tar.gz b/build/release/sst-*.tar.gz && cmp a/build/release/sst-*.cdx.json b/build/release/sst-*.cdx.json || fail "releases of two clones differ"
+  (cd a/build/release && sha256sum -c --quiet SHA256SUMS) || fail "hashes"
+  "$evidence" check a/build/release/*.json 2>err || fail "release: $(cat err)"
+  grep -q "$(sha256sum <a/build/release/sst-"$version".tar.gz | cut -d' ' -f1)" a/build/release/*.provenance.json || fail "provenance names another archive"
+  wrong "$(ls a/build/release/*.provenance.json)" 'b["subject"][0]["digest"] = {}' "sha256"
+  wrong "$(ls a/build/release/*.provenance.json)" 'b["predicate"]["buildDefinition"]["resolvedDependencies"] = []' "commit"
+  echo >>a/README.md
+  (cd a && scripts/release.sh build) >out 2>err && fail "a release of what is not committed"
+  grep -q "not committed" err || fail "not committed: $(cat err)"
+fi
 exit $failed
