@@ -17,7 +17,7 @@ trap 'rm -rf "$out.new"' EXIT
 export SOURCE_DATE_EPOCH=${SOURCE_DATE_EPOCH:-$(git log -1 --format=%ct)}
 
 # The same bytes on every machine: times of the commit, no user, no time in gzip's header.
-git -c tar.umask=0022 archive --format=tar --prefix="sst-$version/" HEAD | gzip -9n >"$out.new/sst-$version.tar.gz"
+git -c tar.umask=0022 archive --format=tar --prefix="sst-$version/" HEAD | gzip -6n >"$out.new/sst-$version.tar.gz"
 scripts/evidence.py sbom --build "$build" -o "$out.new/sst-$version.cdx.json"
 scripts/evidence.py provenance --build "$build" -o "$out.new/sst-$version.provenance.json" "$out.new"/sst-"$version".*
 (cd "$out.new" && sha256sum -- * >SHA256SUMS)

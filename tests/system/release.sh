@@ -48,11 +48,11 @@ wrong one.json '[p for p in b["components"] if p["type"] == "library"][0].pop("v
 
 # A whole release, of a clone: archives of two clones are the same bytes, what is not committed is refused, no key is said.
 if git -C "$root" rev-parse HEAD >/dev/null 2>&1; then
+  export HOME=$tmp GIT_CONFIG_GLOBAL=/dev/null GIT_CONFIG_SYSTEM=/dev/null
   for clone in a b; do
-    (umask 00$((${#clone} + 25)); git clone -q --shared "$root" $clone) 2>err || fail "clone: $(cat err)"
-    ln -s "$build" $clone/build-made
-    git -C $clone config user.signingkey "" && git -C $clone config --unset user.signingkey
-    (cd $clone && mkdir build && ln -s "$build"/* build/ && HOME=$tmp TZ=Pacific/Auckland scripts/release.sh build) >out$clone 2>err || fail "release: $(cat err)"
+    umask $([ $clone = a ] && echo 022 || echo 077)
+    git clone -q --shared "$root" $clone 2>err || fail "clone: $(cat err)"
+    (cd $clone && mkdir build && ln -s "$build"/* build/ && TZ=Pacific/Auckland scripts/release.sh build) >out$clone 2>err || fail "release: $(cat err)"
     grep -q 'no signing key' out$clone || fail "no word of a key: $(cat out$clone)"
   done
   cmp a/build/release/sst-*.tar.gz b/build/release/sst-*.tar.gz && cmp a/build/release/sst-*.cdx.json b/build/release/sst-*.cdx.json || fail "releases of two clones differ"
@@ -61,6 +61,16 @@ if git -C "$root" rev-parse HEAD >/dev/null 2>&1; then
   grep -q "$(sha256sum <a/build/release/sst-"$version".tar.gz | cut -d' ' -f1)" a/build/release/*.provenance.json || fail "provenance names another archive"
   wrong "$(ls a/build/release/*.provenance.json)" 'b["subject"][0]["digest"] = {}' "sha256"
   wrong "$(ls a/build/release/*.provenance.json)" 'b["predicate"]["buildDefinition"]["resolvedDependencies"] = []' "commit"
+  # With a key the tag is signed, and has the hashes.
+  if command -v ssh-keygen >/dev/null; then
+    ssh-keygen -q -t ed25519 -N "" -f key
+    echo "release@example.org $(cat key.pub)" >signers
+    for set in gpg.format=ssh user.signingkey="$tmp/key.pub" gpg.ssh.allowedSignersFile="$tmp/signers" user.name=r user.email=release@example.org; do
+      git -C b config "${set%%=*}" "${set#*=}"
+    done
+    (cd b && scripts/release.sh build) >out 2>err && grep -q "^signed tag v$version" out || fail "signed: $(cat out err)"
+    git -C b tag -v "v$version" >tag 2>err && grep -q "$(head -c 64 b/build/release/SHA256SUMS)" tag || fail "tag -v: $(cat err)"
+  fi
   echo >>a/README.md
   (cd a && scripts/release.sh build) >out 2>err && fail "a release of what is not committed"
   grep -q "not committed" err || fail "not committed: $(cat err)"
