@@ -11,7 +11,7 @@
 enum doctor_level {
     DOCTOR_OK = 0,
     DOCTOR_WARNING = 1, /* works, but not well or not in every case */
-    DOCTOR_PROBLEM = 2, /* capture will fail; with --law: against what the page of docs/use/law.md asks for */
+    DOCTOR_PROBLEM = 2, /* capture will fail; with --law: against docs/use/law.md */
     DOCTOR_NOTE = 3,    /* not judged */
 };
 
@@ -52,7 +52,7 @@ void doctor_check_uvcvideo(struct doctor *d);
 void doctor_check_gpu(struct doctor *d);
 
 /* doctor_law.c */
-/** Retention and privacy of the whole configuration, and age of what is stored. @return 0, or as sst_config_read() */
+/** Retention and privacy of the whole configuration, age of stored items. @return 0, or as sst_config_read() */
 SST_MUST_CHECK int doctor_check_law(struct doctor *d);
 
 /* doctor_live.c */

@@ -1,4 +1,4 @@
-/* sst doctor --law: retention and privacy of a configuration, and age of what is stored; docs/use/law.md explains. */
+/* sst doctor --law: retention and privacy of a configuration, age of stored items; docs/use/law.md explains. */
 #include <dirent.h>
 #include <errno.h>
 #include <jansson.h>
@@ -32,9 +32,13 @@
 #define ABOUT_MAX ((size_t)1 << 16)
 #define NAMED_MAX 5 /* in a sentence */
 
-static void add(struct doctor *d, enum doctor_level level, const char *area, const char *key, const char *fmt, ...)
-    SST_PRINTF(5, 6);
-static void add(struct doctor *d, enum doctor_level level, const char *area, const char *key, const char *fmt, ...)
+struct at {
+    const char *area, *key; /* static; the key may be NULL */
+};
+#define AT(area, key) ((struct at){ area, key })
+
+static void add(struct doctor *d, enum doctor_level level, struct at at, const char *fmt, ...) SST_PRINTF(4, 5);
+static void add(struct doctor *d, enum doctor_level level, struct at at, const char *fmt, ...)
 {
     char text[1400];
     va_list args;
@@ -42,20 +46,20 @@ static void add(struct doctor *d, enum doctor_level level, const char *area, con
     va_start(args, fmt);
     vsnprintf(text, sizeof(text), fmt, args);
     va_end(args);
-    doctor_add(d, level, area, "%s", text);
+    doctor_add(d, level, at.area, "%s", text);
     if (d->count)
-        d->finding[d->count - 1].key = key;
+        d->finding[d->count - 1].key = at.key;
 }
 
 /* --- retention ---------------------------------------------------------------------------------------------------- */
 
-/* Days after which something is deleted, and what without them. */
+/* Limit of age; without one, a finding of the level `without`. */
 static void judge_days(struct doctor *d, const char *key, const char *what, double days, enum doctor_level without)
 {
     if (days > 0)
-        add(d, DOCTOR_OK, AREA_KEEP, key, "%s are deleted after %g days", what, days);
+        add(d, DOCTOR_OK, AT(AREA_KEEP, key), "%s are deleted after %g days", what, days);
     else
-        add(d, without, AREA_KEEP, key, "%s have no limit of age: they stay until the disk or the quota is full; set %s",
+        add(d, without, AT(AREA_KEEP, key), "%s have no limit of age: they stay until the disk or the quota is full; set %s",
             what, key);
 }
 
@@ -66,20 +70,20 @@ static void check_retention(struct doctor *d, const struct sst_config *c)
     if (records || c->storage.max_age_days > 0)
         judge_days(d, "storage.max_age_days", "automatic recordings", c->storage.max_age_days, DOCTOR_PROBLEM);
     else
-        add(d, DOCTOR_OK, AREA_KEEP, "storage.mode", "nothing is recorded automatically");
+        add(d, DOCTOR_OK, AT(AREA_KEEP, "storage.mode"), "nothing is recorded automatically");
     if (c->storage.reduced != SST_REDUCED_OFF)
         judge_days(d, "storage.reduced_max_age_days", "reduced recordings", c->storage.reduced_max_age_days,
                    DOCTOR_PROBLEM);
     judge_days(d, "storage.by_hand_max_age_days", "recordings on demand, snapshots and exports",
                c->storage.by_hand_max_age_days, DOCTOR_WARNING);
     if (c->storage.visits_days > 0)
-        add(d, DOCTOR_OK, AREA_KEEP, "storage.visits_days",
+        add(d, DOCTOR_OK, AT(AREA_KEEP, "storage.visits_days"),
             "visits and their pictures are deleted after %d days, those that a user keeps excepted", c->storage.visits_days);
     else
-        add(d, DOCTOR_OK, AREA_KEEP, "storage.visits_days", "visits are not kept");
+        add(d, DOCTOR_OK, AT(AREA_KEEP, "storage.visits_days"), "visits are not kept");
 }
 
-/* --- what is stored ----------------------------------------------------------------------------------------------- */
+/* --- stored items ------------------------------------------------------------------------------------------------- */
 
 enum item_kind {
     ITEM_AUTOMATIC = 0,
@@ -103,7 +107,7 @@ static void note_oldest(struct oldest *o, const char *name, int64_t ns)
     }
 }
 
-/* End of an item by its storage.json; that of a recording at work is not known. @return whether it is an item */
+/* End of an item by its storage.json, 0 for a recording at work. @return whether it is an item */
 static bool read_item(const char *dir, const char *name, enum item_kind *kind, int64_t *end_ns)
 {
     char path[SST_PATH_MAX], about[SST_PATH_MAX];
@@ -208,13 +212,13 @@ static void judge_oldest(struct doctor *d, const struct oldest *o, const char *w
     if (!o->count)
         return;
     if (!o->ns)
-        add(d, DOCTOR_OK, AREA_STORED, key, "%s: %d, none of them finished", what, o->count);
+        add(d, DOCTOR_OK, AT(AREA_STORED, key), "%s: %d, none of them finished", what, o->count);
     else if (days > 0 && age > days + 1)
-        add(d, DOCTOR_PROBLEM, AREA_STORED, key,
+        add(d, DOCTOR_PROBLEM, AT(AREA_STORED, key),
             "%s ended %.1f days ago, and %s should be gone after %g: does the service run (sst status), and is its clock right?",
             o->name, age, what, days);
     else
-        add(d, days > 0 || age < 1 ? DOCTOR_OK : DOCTOR_WARNING, AREA_STORED, key, "%s: %d, the oldest (%s) ended %.1f days ago",
+        add(d, days > 0 || age < 1 ? DOCTOR_OK : DOCTOR_WARNING, AT(AREA_STORED, key), "%s: %d, the oldest (%s) ended %.1f days ago",
             what, o->count, o->name, age);
 }
 
@@ -226,12 +230,12 @@ static void check_stored(struct doctor *d, const struct sst_config *c)
     int err = 0;
 
     if (stat(c->storage.dir, &st)) {
-        add(d, errno == ENOENT ? DOCTOR_OK : DOCTOR_WARNING, AREA_STORED, "storage.dir", "%s: %s; nothing stored was judged",
+        add(d, errno == ENOENT ? DOCTOR_OK : DOCTOR_WARNING, AT(AREA_STORED, "storage.dir"), "%s: %s; nothing stored was judged",
             c->storage.dir, strerror(errno));
         return;
     }
     if (st.st_mode & (S_IROTH | S_IXOTH))
-        add(d, DOCTOR_WARNING, AREA_STORED, "storage.dir",
+        add(d, DOCTOR_WARNING, AT(AREA_STORED, "storage.dir"),
             "%s can be entered or listed by every user of this host (mode %04o): chmod o-rwx %s", c->storage.dir,
             (unsigned)st.st_mode & 07777u, c->storage.dir);
     for (size_t i = 0; i < ARRAY_LEN(kinds); i++) {
@@ -242,7 +246,7 @@ static void check_stored(struct doctor *d, const struct sst_config *c)
     if (scan_visits(c->storage.dir, &visits) == EACCES)
         err = EACCES;
     if (err)
-        add(d, DOCTOR_WARNING, AREA_STORED, "storage.dir",
+        add(d, DOCTOR_WARNING, AT(AREA_STORED, "storage.dir"),
             "%s cannot be read whole (%s), so the age of what is stored is not known: run this as root or as the service's user",
             c->storage.dir, strerror(err));
     judge_oldest(d, &oldest[ITEM_AUTOMATIC], "automatic recordings", c->storage.max_age_days, "storage.max_age_days");
@@ -260,7 +264,7 @@ static void check_file(struct doctor *d, const char *path, const char *what)
     struct stat st;
 
     if (!stat(path, &st) && st.st_mode & (S_IRWXG | S_IRWXO))
-        add(d, DOCTOR_PROBLEM, AREA_ACCESS, "web.token_file", "%s %s is open to other users (mode %04o): chmod 600 %s", what,
+        add(d, DOCTOR_PROBLEM, AT(AREA_ACCESS, "web.token_file"), "%s %s is open to other users (mode %04o): chmod 600 %s", what,
             path, (unsigned)st.st_mode & 07777u, path);
 }
 
@@ -273,7 +277,7 @@ static void check_tokens(struct doctor *d, const struct sst_config *c)
     snprintf(path, sizeof(path), "%s.named", c->web.token_file);
     err = sst_access_read(&list, path, error);
     if (err) {
-        add(d, DOCTOR_WARNING, AREA_ACCESS, "web.token_file", "named tokens were not judged: %s", error);
+        add(d, DOCTOR_WARNING, AT(AREA_ACCESS, "web.token_file"), "named tokens were not judged: %s", error);
         return;
     }
     for (int i = 0; i < list.tokens; i++) {
@@ -287,11 +291,11 @@ static void check_tokens(struct doctor *d, const struct sst_config *c)
             snprintf(endless + strlen(endless), sizeof(endless) - strlen(endless), "%s%s", n > 1 ? ", " : "", t->name);
     }
     if (!list.tokens)
-        add(d, DOCTOR_WARNING, AREA_ACCESS, "web.token_file",
+        add(d, DOCTOR_WARNING, AT(AREA_ACCESS, "web.token_file"),
             "there are no named tokens, so the audit log cannot tell users of the common tokens apart: sst token add NAME "
             "--rights view --expires 365d");
     else
-        add(d, n ? DOCTOR_WARNING : DOCTOR_OK, AREA_ACCESS, "web.token_file",
+        add(d, n ? DOCTOR_WARNING : DOCTOR_OK, AT(AREA_ACCESS, "web.token_file"),
             "named tokens: %d, with control: %d, expired: %d%s%s%s%s", list.tokens, control, expired,
             n ? "; without an end: " : "", endless, n > NAMED_MAX ? " ..." : "",
             n ? " (sst token revoke, then add with --expires)" : "");
@@ -309,10 +313,10 @@ static void check_access(struct doctor *d, const struct sst_config *c)
     }
     for (int i = 0; i < c->proxy.rights && c->proxy.addresses; i++)
         if (!strcmp(c->proxy.right[i], "control"))
-            add(d, DOCTOR_WARNING, AREA_ACCESS, "proxy.rights", "every user that the proxy logs in may control the service: "
+            add(d, DOCTOR_WARNING, AT(AREA_ACCESS, "proxy.rights"), "every user that the proxy logs in may control the service: "
                 "leave out control unless all of them must");
     if (c->control.group[0])
-        add(d, DOCTOR_OK, AREA_ACCESS, "control.group", "members of the group %s control the service on this host",
+        add(d, DOCTOR_OK, AT(AREA_ACCESS, "control.group"), "members of the group %s control the service on this host",
             c->control.group);
 }
 
@@ -323,15 +327,15 @@ static void check_audit(struct doctor *d, const struct sst_config *c)
 
     snprintf(path, sizeof(path), "%s.audit", c->web.token_file);
     if (!c->web.token_file[0])
-        add(d, DOCTOR_PROBLEM, AREA_LOG, "web.token_file", "there is no audit log, since web: token_file is empty");
+        add(d, DOCTOR_PROBLEM, AT(AREA_LOG, "web.token_file"), "there is no audit log, since web: token_file is empty");
     else if (!stat(path, &st) && st.st_mode & (S_IRWXG | S_IRWXO))
-        add(d, DOCTOR_PROBLEM, AREA_LOG, "web.token_file", "%s is open to other users (mode %04o): chmod 600 %s", path,
+        add(d, DOCTOR_PROBLEM, AT(AREA_LOG, "web.token_file"), "%s is open to other users (mode %04o): chmod 600 %s", path,
             (unsigned)st.st_mode & 07777u, path);
     else if (!stat(path, &st))
-        add(d, DOCTOR_OK, AREA_LOG, "web.token_file", "%s has %lld bytes; the log begins again after 2 MB, copy it if you must keep it",
+        add(d, DOCTOR_OK, AT(AREA_LOG, "web.token_file"), "%s has %lld bytes; the log begins again after 2 MB, copy it if you must keep it",
             path, (long long)st.st_size);
     else
-        add(d, errno == ENOENT ? DOCTOR_OK : DOCTOR_WARNING, AREA_LOG, "web.token_file", "%s: %s", path,
+        add(d, errno == ENOENT ? DOCTOR_OK : DOCTOR_WARNING, AT(AREA_LOG, "web.token_file"), "%s: %s", path,
             errno == ENOENT ? "nothing was noted yet" : strerror(errno));
 }
 
@@ -345,28 +349,28 @@ static bool is_loopback(const char *address)
 static void check_network(struct doctor *d, const struct sst_config *c)
 {
     if (!c->web.enabled || is_loopback(c->web.address))
-        add(d, DOCTOR_OK, AREA_NET, "web.address", "the page is reached on this host alone%s", c->web.enabled ? "" : "'s socket");
+        add(d, DOCTOR_OK, AT(AREA_NET, "web.address"), "the page is reached on this host alone%s", c->web.enabled ? "" : "'s socket");
     else if (c->web.tls_certificate[0])
-        add(d, DOCTOR_OK, AREA_NET, "web.tls_certificate", "the page is open to the network at %s, encrypted by TLS", c->web.address);
+        add(d, DOCTOR_OK, AT(AREA_NET, "web.tls_certificate"), "the page is open to the network at %s, encrypted by TLS", c->web.address);
     else
-        add(d, DOCTOR_PROBLEM, AREA_NET, "web.insecure",
+        add(d, DOCTOR_PROBLEM, AT(AREA_NET, "web.insecure"),
             "pictures and tokens cross the network unencrypted at %s: set web: tls_certificate and tls_key", c->web.address);
     if (c->rtsp.enabled && !is_loopback(c->rtsp.address))
-        add(d, c->rtsp.user[0] ? DOCTOR_WARNING : DOCTOR_PROBLEM, AREA_NET, "rtsp.address",
+        add(d, c->rtsp.user[0] ? DOCTOR_WARNING : DOCTOR_PROBLEM, AT(AREA_NET, "rtsp.address"),
             "RTSP at %s is not encrypted%s: keep it in a network of its own, or behind a VPN", c->rtsp.address,
             c->rtsp.user[0] ? "" : " and needs no password (rtsp: user, password_file)");
     if (c->onvif.enabled && !is_loopback(c->onvif.address))
-        add(d, c->onvif.user[0] || c->rtsp.user[0] ? DOCTOR_WARNING : DOCTOR_PROBLEM, AREA_NET, "onvif.address",
+        add(d, c->onvif.user[0] || c->rtsp.user[0] ? DOCTOR_WARNING : DOCTOR_PROBLEM, AT(AREA_NET, "onvif.address"),
             "ONVIF at %s is not encrypted%s: keep it in a network of its own", c->onvif.address,
             c->onvif.user[0] || c->rtsp.user[0] ? "" : " and needs no password");
     if (c->mqtt.enabled && !is_loopback(c->mqtt.host))
-        add(d, c->mqtt.ca_file[0] ? DOCTOR_OK : DOCTOR_PROBLEM, AREA_NET, c->mqtt.ca_file[0] ? "mqtt.picture_s" : "mqtt.ca_file",
+        add(d, c->mqtt.ca_file[0] ? DOCTOR_OK : DOCTOR_PROBLEM, AT(AREA_NET, c->mqtt.ca_file[0] ? "mqtt.picture_s" : "mqtt.ca_file"),
             "events%s go to the broker %s%s", c->mqtt.picture_s > 0 ? " and pictures" : "", c->mqtt.host,
             c->mqtt.ca_file[0] ? ", encrypted by TLS; what it keeps is not judged here" : " unencrypted: set mqtt: ca_file");
     if (c->hooks)
-        add(d, DOCTOR_NOTE, AREA_NET, "hooks", "%d hooks run programs of yours: what they send and keep is not judged here", c->hooks);
+        add(d, DOCTOR_NOTE, AT(AREA_NET, "hooks"), "%d hooks run programs of yours: what they send and keep is not judged here", c->hooks);
     if (c->push.enabled)
-        add(d, DOCTOR_NOTE, AREA_NET, "push.enabled",
+        add(d, DOCTOR_NOTE, AT(AREA_NET, "push.enabled"),
             "notifications go through the push services of browsers' makers, encrypted; to allow none, set push: enabled: false");
 }
 
@@ -379,7 +383,7 @@ static void check_masks(struct doctor *d, const struct sst_config *c)
     int err, cameras = 0;
 
     if (!c->array.masks) {
-        add(d, DOCTOR_WARNING, AREA_MASKS, "privacy.masks",
+        add(d, DOCTOR_WARNING, AT(AREA_MASKS, "privacy.masks"),
             "no privacy mask is set: look in the picture of every camera, and behind the hedge in the see-through picture, for "
             "places of others (docs/use/masks.md)");
         return;
@@ -391,24 +395,24 @@ static void check_masks(struct doctor *d, const struct sst_config *c)
         cameras += sst_masks_share(masks, i) > 0;
     sst_masks_destroy(masks);
     if (err)
-        add(d, DOCTOR_PROBLEM, AREA_MASKS, "privacy.masks", "masks cannot be placed, so nothing is captured: %s", why);
+        add(d, DOCTOR_PROBLEM, AT(AREA_MASKS, "privacy.masks"), "masks cannot be placed, so nothing is captured: %s", why);
     else if (c->array.bound && !cameras)
-        add(d, DOCTOR_WARNING, AREA_MASKS, "privacy.masks", "%d masks are set and cover nothing of any camera", c->array.masks);
+        add(d, DOCTOR_WARNING, AT(AREA_MASKS, "privacy.masks"), "%d masks are set and cover nothing of any camera", c->array.masks);
     else
-        add(d, DOCTOR_OK, AREA_MASKS, "privacy.masks", "%d masks are set%s", c->array.masks,
+        add(d, DOCTOR_OK, AT(AREA_MASKS, "privacy.masks"), "%d masks are set%s", c->array.masks,
             c->array.bound ? "" : "; how much they cover is in `sst status` while the service runs");
 }
 
 static void add_notices(struct doctor *d, const struct sst_config *c)
 {
     if (!c->site[0])
-        add(d, DOCTOR_WARNING, AREA_NOTICE, "site", "videos for others name this machine and not the place: set site");
-    add(d, DOCTOR_NOTE, AREA_NOTICE, NULL,
+        add(d, DOCTOR_WARNING, AT(AREA_NOTICE, "site"), "videos for others name this machine and not the place: set site");
+    add(d, DOCTOR_NOTE, AT(AREA_NOTICE, NULL),
         "the sign at the entrance is not judged: who films, why, for how long, where to ask (docs/use/law.md has a text)");
-    add(d, DOCTOR_NOTE, AREA_DISK, NULL,
+    add(d, DOCTOR_NOTE, AT(AREA_DISK, NULL),
         "encryption of the disk below %s is not judged: a stolen disk shows what is on it unless it is encrypted (LUKS)",
         c->storage.dir);
-    add(d, DOCTOR_NOTE, AREA_NOTICE, NULL,
+    add(d, DOCTOR_NOTE, AT(AREA_NOTICE, NULL),
         "whether filming here is allowed at all is not judged: this is no legal advice, and no lawyer has read it");
 }
 

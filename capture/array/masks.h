@@ -11,11 +11,10 @@ struct sst_masks; /* opaque; one thread */
  * Place the masks of a configuration in the frames of its cameras.
  *
  * A mask of one camera covers the blocks (pipeline/image/blank.h) that its region touches. A mask of the reference view
- * covers in every camera the blocks that any point of the region between its depths is seen in, and those within
- * SST_MASKS_MARGIN_PX of them: block at q of view k is black if q + d b_k is in the region for a disparity d between
+ * covers in every camera the blocks that any point of the region between its depths is seen in, and their
+ * neighbours within SST_MASKS_MARGIN_PX: block at q of view k is black if q + d b_k is in the region for a disparity d between
  * far_px and near_px (docs/design/design.md, 4). Positions are rectified by the calibration; without one, b_k are the steps of
- * the lattice, and a warning is logged. Frames of a camera that the calibration lacks, or whose row is negative (its place
- * is unknown), are black as a whole.
+ * the lattice, and a warning is logged. Frames of a camera that the calibration lacks, or has no place (a negative row), are black as a whole.
  *
  * @param out  NULL where the configuration has no masks
  * @return 0, -ENOENT/-EBADMSG (calibration, also one of another grid or size), -EINVAL (a format that cannot be masked),
@@ -24,10 +23,10 @@ struct sst_masks; /* opaque; one thread */
 SST_MUST_CHECK int sst_masks_create(struct sst_masks **out, const struct sst_array_config *array);
 void sst_masks_destroy(struct sst_masks *masks); /* NULL is fine */
 
-/** Further blocks about masks of the reference view, for what a calibration has of errors. */
+/** Margin about masks of the reference view, for errors of the calibration. */
 #define SST_MASKS_MARGIN_PX 4
 
-/** A set whose frames have black blocks; `set` stays as it is. */
+/** Masked set: its frames have black blocks; `set` stays as it is. */
 struct sst_masks_set {
     struct sst_frameset set; /* frame[] points to `frame`, or to frames without a mask */
     struct sst_frame frame[SST_CAMERAS_MAX];

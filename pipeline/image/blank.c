@@ -195,7 +195,7 @@ static bool any_black(const struct sst_blank_blocks *blocks, int x, int y, int h
     return false;
 }
 
-/* Black of all components where any one of them is: the groups of blocks (MCUs) that lie together. */
+/* Groups of blocks of all components (MCUs) are black as a whole. */
 static void blank_component(struct sst_blank *b, jvirt_barray_ptr coefs, const jpeg_component_info *info,
                             const struct sst_blank_blocks *blocks)
 {

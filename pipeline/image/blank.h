@@ -29,8 +29,8 @@ bool sst_blank_format(uint32_t fourcc);
  *
  * Of a JPEG the coefficients of the other blocks stay bit by bit: nothing is decoded to samples and encoded again. Where
  * blocks of a component are larger than SST_BLANK_SIDE, the larger one is black. Comments and application segments, in
- * which a small picture can be, are left out; so is what follows the picture's end. A damaged JPEG is refused, since
- * what follows the damage can lie in other blocks than it was exposed in.
+ * which a small picture can be, are left out, as are bytes behind the picture's end. A damaged JPEG is refused: pixels behind
+ * the damage can lie in other blocks than they were exposed in.
  *
  * @param out  frame; data and bytes (and stride of a raw frame) differ from raw's
  * @return 0, -EINVAL (format, number of blocks), -EBADMSG (damaged, progressive, another size than raw's), -ENOMEM; not

@@ -71,7 +71,7 @@ YAML
 law
 [ $rc -eq 0 ] || fail "without problems: exit $rc"
 grep -q '"problems": 0, *$' law.json && grep -q '"warnings": 0, *$' law.json || fail "put right: $(grep -B1 -A3 'WARNING\|PROBLEM' law.json)"
-# What should be gone is not.
+# A recording that should be gone.
 item recordings/old continuous 5
 law
 found PROBLEM storage.max_age_days "should be gone after 3"

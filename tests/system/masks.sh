@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Privacy masks in the service: frames are black there in whatever comes out of it: pictures, streams, recordings, exports, videos,
-# see-through pictures; a reload moves them; what cannot be masked is not captured. Also in sst capture array and sst identify.
+# Privacy masks in the service: black regions in pictures, streams, recordings, exports, videos and
+# see-through pictures; a reload moves them; without its masks nothing is captured. Also in sst capture array and sst identify.
 . "$(dirname "$0")/../lib.sh"
 need libcurl
 /usr/bin/python3 -c 'import PIL' 2>/dev/null || skip "no PIL for /usr/bin/python3 (python3-pil)"
@@ -42,7 +42,7 @@ is_black() { black "$@" 2>err || fail "$(cat err)"; }
 awaits() { "$root/tests/until.sh" "$@"; }
 get() { awaits "curl -sf -m 10 --unix-socket c.sock -o '$2' 'http://x$1' && [ -s '$2' ]" || fail "$1"; }
 
-# Wrong masks are refused with what is wrong.
+# Refusals of wrong masks name the fault.
 refused() { write_config "$1"; "$build/sstd" --check --config sstd.yaml 2>err; [ $? -eq 78 ] && grep -q "$2" err || fail "$1: $(cat err)"; }
 refused '{name: a, x0: 0.5}' 'needs near_px'
 refused '{name: a, row: 1}' 'both row and col'
@@ -91,7 +91,7 @@ i = b.index(b"\xff\xd8")
 open("first.jpg", "wb").write(b[i:b.index(b"\r\n--", i)])' && is_black first.jpg $right || fail "$s: no picture"
 done
 
-# What is stored: the recording's frames, a light field of it, its videos.
+# Storage: the recording's frames, a light field of it, its videos.
 name=$("$sst" record start) || fail "record start: $name"
 until_is 20 storage.recording.sets 'v >= 8'
 awaits "'$sst' record list --json | /usr/bin/python3 -c \"import json, sys

@@ -93,7 +93,7 @@ static struct sst_raw frame_of(const uint8_t *data, size_t bytes)
     return (struct sst_raw){ V4L2_PIX_FMT_MJPEG, WIDTH, HEIGHT, 0, data, bytes };
 }
 
-/* Pixels of the picture: 0 inside, but for two at the border, whose chroma is a mean with their neighbours'; unchanged
+/* Pixels of the picture: 0 inside, but for two at the border, whose chroma is mixed with the outside; unchanged
  * outside, with the same exception. */
 static void check_picture(const struct sst_raw *before, const struct sst_raw *after)
 {
@@ -187,7 +187,7 @@ static void test_jpeg_whole_groups(void **state)
     sst_blank_destroy(b);
 }
 
-/* What a damaged stream shows may lie anywhere: it is refused, or the region is black. */
+/* Damaged streams, whose pixels may lie anywhere: refused, or the region is black. */
 static void test_jpeg_damaged(void **state)
 {
     const struct kind k = { 2, 1, 3, 0, false };
