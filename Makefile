@@ -187,7 +187,7 @@ TOOLS := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/tools/*.c)) $(if $(filter 1,
 # Programs that tests/guest runs in the emulated machine.
 GUEST_TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(wildcard tests/guest/*.c)))
 
-.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-arm64 kernel-tests check-timing coverage check-includes check-names check-words check-structure check-kernel deps-kernel check-cluster deps-cluster check-nodes check-scale check-genicam check-onvif findings demo bench bench-quick bench-check bench-check-update bench-networks bench-calib bench-perturb bench-gpu bench-service bench-watch soak-service fuzz install install-built uninstall man help clean format tests fuzzers check-colmap deps-colmap
+.PHONY: FORCE all deps built built-plain built-address built-check check check-tests check-unit check-cli check-thread check-arm64 kernel-tests check-timing coverage check-includes check-names check-words check-structure check-kernel deps-kernel check-cluster deps-cluster check-nodes check-scale check-genicam check-onvif findings demo bench bench-quick bench-check bench-check-update bench-networks bench-calib bench-perturb bench-gpu bench-service bench-watch soak-service fuzz install install-built uninstall man help clean format tests fuzzers check-colmap deps-colmap check-law
 .SECONDARY:
 PROGRAMS := $(BUILD)/sst $(BUILD)/sstd $(PUBLISHERS:%=$(BUILD)/sst-%) $(if $(SIM_SRC),$(BUILD)/sst-sim $(BUILD)/libsst-sim-preload.so) $(PLUGINS) $(READ_LIB)
 all: $(PROGRAMS) ## build the programs into build/: sst, sstd, sst-rtsp, sst-mqtt, sst-onvif, sst-sim (simulated devices), and their plugins
@@ -443,6 +443,9 @@ check-onvif: $(PROGRAMS) ## foreign clients (npm, Debian) on sst-onvif, in a net
 check-genicam: $(PROGRAMS) ## fake GigE cameras in network namespaces, packets lost, a cable cut, beside V4L2 ones; MINUTES=10 CAMERAS=16; needs root
 	SST_BUILD=$(BUILD) tests/genicam/check.sh
 
+check-law: $(PROGRAMS) ## reuse on the tree, the bill of materials against CycloneDX's schema; installs and downloads both; needs npm
+	SST_BUILD=$(BUILD) tests/law/check.sh
+
 check-nodes: $(PROGRAMS) $(TOOLS) ## nodes and a head in network namespaces, on a bad network, nodes killed; MINUTES=30 NODES=2; needs root
 	SST_BUILD=$(BUILD) tests/nodes/check.sh
 
@@ -564,7 +567,7 @@ man: $(BUILD)/sst $(BUILD)/api_tables ## write man pages, completions, openapi.j
 	scripts/config_man.py --build $(BUILD)
 	scripts/openapi.py --build $(BUILD)
 
-.PHONY: check-docs api-index release-check release sbom
+.PHONY: check-docs check-spdx api-index release-check release sbom
 sbom: all ## bill of materials of the build: build/sst.cdx.json (docs/design/release.md)
 	scripts/evidence.py sbom --build $(BUILD) -o $(BUILD)/sst.cdx.json
 	@echo $(BUILD)/sst.cdx.json
@@ -574,6 +577,8 @@ release-check: ## version, changelog, man pages and docs name one release
 	scripts/release_check.sh
 check-docs: ## links, citations and names in the docs resolve; part of check-includes
 	$(PYTHON) scripts/check_docs.py
+check-spdx: ## each file has copyright and licence; part of check-includes
+	$(PYTHON) scripts/spdx.py
 check-includes: check-docs
 
 api-index: ## list all public headers with their purpose lines
