@@ -76,6 +76,18 @@ int sst_slot_put(struct sst_slot *o, uint8_t *data, size_t bytes, uint64_t set, 
     return 0;
 }
 
+void sst_slot_forget(struct sst_slot *o)
+{
+    struct jpeg *before;
+
+    pthread_mutex_lock(&o->lock);
+    before = o->newest;
+    o->newest = NULL;
+    pthread_mutex_unlock(&o->lock);
+    if (before)
+        sst_slot_jpeg_unref(&before->jpeg);
+}
+
 const struct sst_jpeg *sst_slot_get(struct sst_slot *o, uint64_t after)
 {
     struct jpeg *j = NULL;

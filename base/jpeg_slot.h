@@ -28,6 +28,9 @@ void sst_slot_unref(struct sst_slot *slot); /* NULL is fine */
 SST_MUST_CHECK int sst_slot_put(struct sst_slot *slot, uint8_t *data, size_t bytes, uint64_t set, int64_t t_ns,
                                 int64_t wall_ns);
 
+/** Drop the newest picture; sst_slot_get() has none until the next one. */
+void sst_slot_forget(struct sst_slot *slot);
+
 /** Get a reference to the newest picture if its number is above `after`, else NULL; release it with
  *  sst_slot_jpeg_unref(). */
 const struct sst_jpeg *sst_slot_get(struct sst_slot *slot, uint64_t after);

@@ -49,6 +49,19 @@ bool sst_array_triggered(const struct sst_array_config *cfg)
            (cfg->genicam.trigger == SST_CONFIG_COMMAND || cfg->genicam.trigger == SST_CONFIG_ACTION);
 }
 
+bool sst_array_same_masks(const struct sst_array_config *a, const struct sst_array_config *b)
+{
+    bool same = a->masks == b->masks && !strcmp(a->mask_calibration, b->mask_calibration);
+
+    for (int i = 0; same && i < a->masks; i++) {
+        const struct sst_config_mask *m = &a->mask[i], *n = &b->mask[i];
+
+        same = m->row == n->row && m->col == n->col && m->x0 == n->x0 && m->y0 == n->y0 && m->x1 == n->x1 &&
+               m->y1 == n->y1 && m->near_px == n->near_px && m->far_px == n->far_px && !strcmp(m->points, n->points);
+    }
+    return same;
+}
+
 void sst_array_config_defaults(struct sst_array_config *cfg)
 {
     int count;

@@ -163,6 +163,9 @@ static inline double sst_array_sets_hz(const struct sst_array_config *cfg)
  *  @return number of corners; 0: `points` is no polygon */
 int sst_mask_corners(const struct sst_config_mask *mask, double *x, double *y);
 
+/** Whether both mask the same regions by the same calibration. */
+bool sst_array_same_masks(const struct sst_array_config *a, const struct sst_array_config *b);
+
 void sst_array_config_defaults(struct sst_array_config *cfg);
 
 /** Rows and columns of cameras in the picture of a device. @return their number */

@@ -29,7 +29,7 @@ struct sst_ring {
     struct slot *slot[SLOTS_MAX]; /* by number */
     int slots;
     size_t head; /* offset of the next set */
-    uint64_t number;
+    uint64_t number, hidden; /* of the newest set; of the newest one that is hidden */
     bool shut;
     struct sst_ring_counters count;
 };
@@ -164,15 +164,30 @@ int sst_ring_put(struct sst_ring *r, const struct sst_frameset *set)
     return 0;
 }
 
+void sst_ring_forget(struct sst_ring *r)
+{
+    pthread_mutex_lock(&r->lock);
+    r->hidden = r->number;
+    for (int i = r->slots - 1; i >= 0; i--)
+        if (!r->slot[i]->refs)
+            remove_locked(r, i);
+    pthread_mutex_unlock(&r->lock);
+}
+
+static bool is_hidden_locked(const struct sst_ring *r, int i)
+{
+    return r->slot[i]->kept.number <= r->hidden;
+}
+
 const struct sst_kept *sst_ring_get(struct sst_ring *r, uint64_t number)
 {
     struct slot *s = NULL;
 
     pthread_mutex_lock(&r->lock);
     for (int i = 0; i < r->slots && !s && number; i++)
-        if (r->slot[i]->kept.number >= number)
+        if (r->slot[i]->kept.number >= number && !is_hidden_locked(r, i))
             s = r->slot[i];
-    if (!s && r->slots)
+    if (!s && r->slots && !is_hidden_locked(r, r->slots - 1))
         s = r->slot[r->slots - 1];
     if (s)
         s->refs++;
@@ -185,7 +200,7 @@ const struct sst_kept *sst_ring_newest(struct sst_ring *r, uint64_t after, uint6
     struct slot *s = NULL;
 
     pthread_mutex_lock(&r->lock);
-    for (int i = r->slots - 1; i >= 0 && r->slot[i]->kept.number > after; i--) {
+    for (int i = r->slots - 1; i >= 0 && r->slot[i]->kept.number > after && !is_hidden_locked(r, i); i--) {
         const bool complete = r->slot[i]->kept.set.present == r->slot[i]->kept.set.cameras;
 
         if (!s || complete)

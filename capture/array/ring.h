@@ -42,6 +42,9 @@ const struct sst_kept *sst_ring_get(struct sst_ring *ring, uint64_t number);
  *  @param dropped  out, number of sets between `after` and it */
 const struct sst_kept *sst_ring_newest(struct sst_ring *ring, uint64_t after, uint64_t *dropped);
 
+/** Hide all sets from now on; readers keep the ones that they have. */
+void sst_ring_forget(struct sst_ring *ring);
+
 void sst_ring_unref(struct sst_ring *ring, const struct sst_kept *kept); /* NULL is fine */
 
 /** Wait for a set with a number above `after`. @return false: time-out, or the ring was shut */

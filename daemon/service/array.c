@@ -421,6 +421,8 @@ static void *run(void *arg)
         const bool again = a->state.failed && count == tried;
         int err;
 
+        if (!sst_array_same_masks(&a->config, &a->wanted))
+            sst_ring_forget(a->ring); /* sets without the masks, or with others */
         a->config = a->wanted;
         a->state.beat_ns = sst_clock_now_ns();
         pthread_mutex_unlock(&a->lock);

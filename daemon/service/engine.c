@@ -197,7 +197,7 @@ static bool same_array(const struct sst_array_config *a, const struct sst_array_
 static bool follow(struct live_engine *v)
 {
     struct array_layout now;
-    bool restart, enabled;
+    bool restart, enabled, unmasked;
 
     pthread_mutex_lock(&v->lock);
     restart = v->config_seen != v->config_count;
@@ -205,17 +205,23 @@ static bool follow(struct live_engine *v)
     v->state.enabled = enabled;
     if (!enabled)
         v->state.reason[0] = 0;
+    unmasked = v->unmasked;
     pthread_mutex_unlock(&v->lock);
     /* After `restart`: sets from before it are not processed again. */
+    if (unmasked)
+        engine_forget_shown(v);
     if (array_layout(v->source, v->layout.generation, &now) != v->layout.generation) {
-        if (same_array(&v->layout.config, &now.config))
+        if (same_array(&v->layout.config, &now.config) && !unmasked)
             v->last = now.first - 1 > v->last ? now.first - 1 : v->last;
         else
             restart = true;
         v->layout = now;
+        unmasked = unmasked && engine_masks_follow(v);
     }
-    if (restart || !enabled)
+    if (restart || !enabled || unmasked)
         close_live(v);
+    if (unmasked) /* nothing of sets without the masks is shown or remembered */
+        return false;
     if (!enabled || !v->layout.generation)
         return false;
     if (!v->live && (restart || sst_clock_now_ns() >= v->retry_ns))
@@ -535,6 +541,7 @@ void engine_configure(struct live_engine *v, const struct sst_config *config, bo
     engine_views_follow_locked(v, &config->live);
     v->zones_changed |=
         v->config.zones != config->zones || memcmp(v->config.zone, config->zone, sizeof(config->zone)) != 0;
+    v->unmasked |= v->storage && !sst_array_same_masks(&v->config.array, &config->array);
     v->config = *config;
     v->config_count += restart;
     if (restart && v->live && !v->events) /* of a recording: its moment is given up */

@@ -74,7 +74,7 @@ static void show(struct live_engine *v, const struct sst_kept *kept, struct sst_
         int quality;
 
         pthread_mutex_lock(&v->lock);
-        if (f && f->bytes && s->slot && s->shown < kept->number && engine_wanted(s->slot, s->used_ns)) {
+        if (f && f->bytes && s->slot && s->shown < kept->number && !v->unmasked && engine_wanted(s->slot, s->used_ns)) {
             slot = sst_slot_ref(s->slot);
             s->shown = kept->number;
         }
@@ -83,6 +83,10 @@ static void show(struct live_engine *v, const struct sst_kept *kept, struct sst_
         data = slot ? as_jpeg(f, *stretch, quality, &bytes) : NULL;
         if (data && sst_slot_put(slot, data, bytes, kept->set.index, kept->set.t_ns, kept->set.wall_ns))
             sst_log_warning("no memory for a picture of camera %d", i);
+        pthread_mutex_lock(&v->lock);
+        if (slot && v->unmasked) /* masks were set meanwhile */
+            sst_slot_forget(slot);
+        pthread_mutex_unlock(&v->lock);
         sst_slot_unref(slot);
     }
 }

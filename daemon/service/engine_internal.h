@@ -206,6 +206,7 @@ struct live_engine {
     struct sst_config config;
     unsigned config_count, config_seen;
     bool refit;         /* the ground is to be fitted again */
+    bool unmasked;      /* the array has other privacy masks than `config`, for a moment */
     bool zones_changed; /* zones of `config` are not in `live` yet */
     bool stop, ended, camera_ended, check_runs, check_ended, notice_runs, notice_ended;
     unsigned notice_count; /* light fields */
@@ -255,6 +256,10 @@ SST_MUST_CHECK int engine_jpeg(struct live_engine *v, const struct sst_image *im
                                size_t *bytes);
 /** Discard all rendered pictures before the light field is freed.  Live thread. */
 void engine_forget_pictures(struct live_engine *v);
+/** Drop the pictures of all slots, and do not show those that come until the array has its new masks. */
+void engine_forget_shown(struct live_engine *v);
+/** The array was opened. @return it still has other masks than the configuration */
+bool engine_masks_follow(struct live_engine *v);
 /** Serve engine_pick() and engine_remove().  Live thread. */
 void engine_serve(struct live_engine *v);
 

@@ -236,6 +236,32 @@ void engine_forget_pictures(struct live_engine *v)
     }
 }
 
+void engine_forget_shown(struct live_engine *v)
+{
+    pthread_mutex_lock(&v->lock);
+    for (size_t i = 0; i < ARRAY_LEN(v->view); i++)
+        if (v->view[i].slot)
+            sst_slot_forget(v->view[i].slot);
+    for (size_t i = 0; i < ARRAY_LEN(v->overlay); i++)
+        if (v->overlay[i].slot)
+            sst_slot_forget(v->overlay[i].slot);
+    for (size_t i = 0; i < ARRAY_LEN(v->camera); i++)
+        if (v->camera[i].slot)
+            sst_slot_forget(v->camera[i].slot);
+    pthread_mutex_unlock(&v->lock);
+}
+
+bool engine_masks_follow(struct live_engine *v)
+{
+    bool unmasked;
+
+    pthread_mutex_lock(&v->lock);
+    v->unmasked = !sst_array_same_masks(&v->layout.config, &v->config.array);
+    unmasked = v->unmasked;
+    pthread_mutex_unlock(&v->lock);
+    return unmasked;
+}
+
 /** The cut in front of all tracks. */
 static void keep_moving(struct live_engine *v, struct sst_render_config *render)
 {

@@ -47,6 +47,8 @@ static int apply(struct sst_service *s, struct sst_config *to, const struct sst_
     if (sst_storage_configure(s->storage, to))
         sst_log_warning("storage keeps its settings: out of memory");
     engine_configure(s->engine, to, c->picture);
+    if (!sst_array_same_masks(&from->array, &to->array))
+        sst_storage_forget_views(s->storage);
     replay_configure(s->replay, to);
     sst_visits_configure(s->visits, to->storage.visits_days);
     service_configure_cases(s, to);

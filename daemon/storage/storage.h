@@ -50,6 +50,9 @@ void sst_storage_cameras(struct sst_storage *s, const struct sst_array_config *a
 /** Apply changed settings of `storage:` and `zones:`, except the folder and the size of the ring. @return 0, -ENOMEM */
 SST_MUST_CHECK int sst_storage_configure(struct sst_storage *s, const struct sst_config *config);
 
+/** Pictures of the main view of sets until now go into no recording. */
+void sst_storage_forget_views(struct sst_storage *storage);
+
 /** Bytes below the folder that are not the storage's own and count in the quota. */
 enum sst_storage_aside {
     SST_STORAGE_ASIDE_VISITS = 0,

@@ -271,6 +271,7 @@ struct sst_storage {
 
     struct sst_slot *slot; /* of the main view; NULL: not yet */
     struct view_history history;
+    int64_t views_from_ns; /* pictures of earlier sets are not recorded any more */
 
     pthread_t thread[6];
 };

@@ -143,7 +143,9 @@ void *store_view_run(void *storage)
         pthread_mutex_unlock(&s->lock);
         jpeg = next_shown(slot, &l);
         pthread_mutex_lock(&s->lock);
-        if (jpeg)
+        if (jpeg && jpeg->t_ns < s->views_from_ns)
+            sst_slot_jpeg_unref(jpeg);
+        else if (jpeg)
             view_history_add(&s->history, jpeg, sst_clock_now_ns() - s->settings.preroll_ns - LATE_NS);
     }
     if (l.joined)
@@ -151,6 +153,14 @@ void *store_view_run(void *storage)
     pthread_mutex_unlock(&s->lock);
     store_thread_ends(s);
     return NULL;
+}
+
+void sst_storage_forget_views(struct sst_storage *s)
+{
+    pthread_mutex_lock(&s->lock);
+    view_history_fini(&s->history);
+    s->views_from_ns = sst_clock_now_ns();
+    pthread_mutex_unlock(&s->lock);
 }
 
 void sst_storage_aside(struct sst_storage *s, enum sst_storage_aside of, int64_t bytes)

@@ -20,7 +20,7 @@ cameras:
 trigger: {source: gpio, chip: sst-trigger, lines: [TRIG0, TRIG1], loopback: LOOP0, rate_hz: 10}
 control: {socket: $tmp/c.sock, group: ""}
 web: {port: 0, token_file: $tmp/token}
-storage: {dir: $tmp/store, ring_mb: 16, preroll_s: 0, min_free_gb: 0}
+storage: {dir: $tmp/store, ring_mb: 16, preroll_s: 5, min_free_gb: 0}
 live: {method: refocus}
 privacy: {masks: [$1]}
 YAML
@@ -110,10 +110,16 @@ for video in "" --camera=r1c1; do
   rm -f v.mkv
 done
 
-# A reload moves them.
+# A reload moves them; sets of before, without the new one, are in no recording's pre-roll, and no picture of them is shown.
 write_config '{name: sky, row: 0, col: 0, y1: 0.25}'
 "$sst" reload >out || fail "reload: $(cat out)"
 until_is 20 capture.privacy 'v["masks"] == 1 and v["cameras"] == 1'
+name=$("$sst" record start) || fail "record start: $name"
+until_is 20 storage.recording.sets 'v >= 3'
+"$sst" record stop >/dev/null || fail "record stop"
+until_is 20 storage.recording.active 'not v'
+"$sst" import recording store/recordings/"$name" -o lf3 --sets 0 >out 2>&1 || fail "import: $(cat out)"
+is_black lf3/views/00_00.jpg 0 0 160 32
 until_is 20 capture.rate_hz 'v > 3'
 awaits "curl -sf -m 10 --unix-socket c.sock -o sky.jpg http://x/snapshot/camera/r0c0 && [ \$(/usr/bin/python3 -c '
 from PIL import Image

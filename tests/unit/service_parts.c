@@ -101,6 +101,37 @@ static void ring_survives_slow_readers(void **state)
     sst_ring_destroy(r);
 }
 
+/* Hidden sets are found by nobody, also ones that somebody still reads; later ones are. */
+static void ring_forgets(void **state)
+{
+    const struct sst_kept *held, *k;
+    struct sst_ring_counters n;
+    struct sst_ring *r;
+    uint64_t dropped;
+
+    (void)state;
+    assert_int_equal(sst_ring_create(&r, 100000), 0);
+    for (uint64_t i = 1; i <= 4; i++)
+        assert_int_equal(put(r, 4, 1000, i, -1), 0);
+    held = sst_ring_get(r, 3);
+    sst_ring_forget(r);
+    assert_null(sst_ring_get(r, 0));
+    assert_null(sst_ring_get(r, 1));
+    assert_null(sst_ring_newest(r, 0, &dropped));
+    sst_ring_counters(r, &n);
+    assert_int_equal(n.sets, 1); /* in use */
+    assert_int_equal(held->set.frame[3]->data[999], 3);
+    assert_int_equal(put(r, 4, 1000, 5, -1), 0);
+    k = sst_ring_get(r, 1);
+    assert_int_equal(k->number, 5);
+    sst_ring_unref(r, k);
+    k = sst_ring_newest(r, 0, &dropped);
+    assert_int_equal(k->number, 5);
+    sst_ring_unref(r, k);
+    sst_ring_unref(r, held);
+    sst_ring_destroy(r);
+}
+
 static void ring_prefers_complete_sets(void **state)
 {
     const struct sst_kept *k;
@@ -416,7 +447,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(ring_keeps_the_newest),
         cmocka_unit_test(ring_survives_slow_readers),
-        cmocka_unit_test(ring_prefers_complete_sets),
+        cmocka_unit_test(ring_forgets), cmocka_unit_test(ring_prefers_complete_sets),
         cmocka_unit_test(ring_with_threads),
         cmocka_unit_test(outlet_shows_the_newest),
         cmocka_unit_test(events_are_kept_in_order),
