@@ -1,9 +1,12 @@
-/* Fuzz target: JPEGs of which only parts were recorded. Two bytes say how long the first picture is. */
+/* Fuzz target: JPEGs of which only parts were recorded, and ones with black blocks. Two bytes say how long the first picture is. */
 #include <stdio.h>
 #include <string.h>
 
+#include <linux/videodev2.h>
+
 #include <jpeglib.h>
 
+#include "pipeline/image/blank.h"
 #include "pipeline/image/jpeg_parts.h"
 #include "tests/fuzz/seeds.h"
 
@@ -72,6 +75,27 @@ int LLVMFuzzerInitialize(int *argc SST_UNUSED, char ***argv SST_UNUSED)
     return 0;
 }
 
+/* Black blocks stay black: a masked picture is masked to the same bytes. */
+static void blank(struct sst_jpeg_bytes jpeg)
+{
+    static const uint8_t black[] = { 0, 1, 1, 0, 0, 1, 0, 1, 1, 0, 0, 1, 0, 0, 0, 1, 1, 1, 0, 0, 0, 0, 0, 1, 0, 1, 0, 0, 0, 1 };
+    const struct sst_blank_blocks blocks = { (WIDTH + 7) / 8, (HEIGHT + 7) / 8, black };
+    struct sst_raw raw = { V4L2_PIX_FMT_MJPEG, WIDTH, HEIGHT, 0, jpeg.data, jpeg.bytes }, once, twice;
+    struct sst_blank *first, *second;
+
+    _Static_assert(sizeof(black) == (WIDTH + 7) / 8 * ((HEIGHT + 7) / 8), "a byte for each block");
+    if (sst_blank_create(&first))
+        return;
+    if (!sst_blank_create(&second)) {
+        if (!sst_blank_frame(first, &raw, &blocks, &once) &&
+            (sst_blank_frame(second, &once, &blocks, &twice) || once.bytes != twice.bytes ||
+             memcmp(once.data, twice.data, once.bytes) != 0))
+            abort();
+        sst_blank_destroy(second);
+    }
+    sst_blank_destroy(first);
+}
+
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     const size_t said = size >= 2 ? (size_t)data[0] << 8 | data[1] : 0, n = said < size ? said : size;
@@ -86,6 +110,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     base = (struct sst_jpeg_bytes){ data + 2, n < size - 2 ? n : size - 2 };
     second = (struct sst_jpeg_bytes){ base.data + base.bytes, size - 2 - base.bytes };
     (void)sst_jpeg_parts_base(second, &base_ns);
+    blank(base);
     if (!sst_jpeg_parts_join(&(struct sst_jpeg_pair){ base, second, WIDTH, HEIGHT }, &out, &bytes))
         free(out);
     if (!sst_jpeg_parts_cut(&(struct sst_jpeg_pair){ base, second, WIDTH, HEIGHT }, 7, &out, &bytes, &share)) {
