@@ -17,6 +17,7 @@
 #define STRAY_RESTART 32
 #define STRAY_END     3
 
+#define LIMIT 1023    /* of coefficients: the usual Huffman tables have no codes for larger ones (ITU T.81, table F.1) */
 #define BLACK (-1024) /* DC coefficient of black luma times its step: 8 times the level shift of 128 */
 
 /* Everything that must survive a longjmp out of libjpeg lives here. */
@@ -195,25 +196,41 @@ static bool any_black(const struct sst_blank_blocks *blocks, int x, int y, int h
     return false;
 }
 
-/* Groups of blocks of all components (MCUs) are black as a whole. */
-static void blank_component(struct sst_blank *b, jvirt_barray_ptr coefs, const jpeg_component_info *info,
+/* Coefficients that no picture of 8 bits has, and that the writer of libjpeg-turbo writes wrongly without a word. */
+static bool is_absurd(const JCOEF *block)
+{
+    int beyond = block[0] < BLACK || block[0] > LIMIT;
+
+    for (int i = 1; i < DCTSIZE2; i++)
+        beyond |= block[i] < -LIMIT || block[i] > LIMIT;
+    return beyond;
+}
+
+/* Groups of blocks of all components (MCUs) are black as a whole. @return false: another block is damaged */
+static bool blank_component(struct sst_blank *b, jvirt_barray_ptr coefs, const jpeg_component_info *info,
                             const struct sst_blank_blocks *blocks)
 {
     const bool dark = info->component_index == 0 || b->d.jpeg_color_space == JCS_RGB;
-    const int step = info->quant_table->quantval[0];
+    const int step = info->quant_table ? info->quant_table->quantval[0] : 0;
 
+    if (step < 1)
+        return false;
     for (JDIMENSION y = 0; y < info->height_in_blocks; y++) {
         JBLOCKARRAY row = b->d.mem->access_virt_barray((j_common_ptr)&b->d, coefs, y, 1, TRUE);
 
         for (JDIMENSION x = 0; x < info->width_in_blocks; x++) {
             if (!any_black(blocks, (int)x / info->h_samp_factor, (int)y / info->v_samp_factor, b->d.max_h_samp_factor,
-                           b->d.max_v_samp_factor))
+                           b->d.max_v_samp_factor)) {
+                if (is_absurd(row[0][x]))
+                    return false;
                 continue;
+            }
             memset(row[0][x], 0, sizeof(JBLOCK));
             if (dark)
                 row[0][x][0] = (JCOEF)((BLACK - (step - 1)) / step);
         }
     }
+    return true;
 }
 
 static bool is_plain(const struct sst_blank *b, const struct sst_raw *raw)
@@ -246,7 +263,8 @@ static int transcode(struct sst_blank *b, const struct sst_raw *raw, const struc
         return -EBADMSG;
     coefs = jpeg_read_coefficients(&b->d);
     for (int i = 0; i < b->d.num_components; i++)
-        blank_component(b, coefs[i], &b->d.comp_info[i], blocks);
+        if (!blank_component(b, coefs[i], &b->d.comp_info[i], blocks))
+            return -EBADMSG;
     b->c.dest = &b->to;
     jpeg_copy_critical_parameters(&b->d, &b->c);
     b->c.restart_interval = b->d.restart_interval;
