@@ -443,7 +443,7 @@ check-onvif: $(PROGRAMS) ## foreign clients (npm, Debian) on sst-onvif, in a net
 check-genicam: $(PROGRAMS) ## fake GigE cameras in network namespaces, packets lost, a cable cut, beside V4L2 ones; MINUTES=10 CAMERAS=16; needs root
 	SST_BUILD=$(BUILD) tests/genicam/check.sh
 
-check-law: $(PROGRAMS) ## reuse on the tree, the bill of materials against CycloneDX's schema; installs and downloads both; needs npm
+check-law: $(PROGRAMS) ## reuse on the tree, the bill of materials against CycloneDX's schema, whole releases; installs and downloads both; needs npm
 	SST_BUILD=$(BUILD) tests/law/check.sh
 
 check-nodes: $(PROGRAMS) $(TOOLS) ## nodes and a head in network namespaces, on a bad network, nodes killed; MINUTES=30 NODES=2; needs root

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Evidence judged by others: reuse on the tree, the bill of materials against CycloneDX's own schema (npm). Downloads both; needs root for Debian's
+# Evidence judged by others: reuse on the tree, the bill of materials against CycloneDX's own schema (npm), whole releases of two clones. Downloads both; needs root for Debian's
 # packages where they are missing, node's npm, and the network.
 set -u
 . "$(dirname "$0")/../lib.sh"
@@ -28,4 +28,35 @@ bom["components"][0]["type"] = "none"
 assert any(True for _ in judge.iter_errors(bom)), "the schema accepts anything"
 raise SystemExit(bool(faults))
 PY
+
+version=$(sed -nE 's/^VERSION := (.*)/\1/p' "$root/Makefile")
+evidence=$root/scripts/evidence.py
+# Whole releases, of two clones: archives are the same bytes; without a key that is said, with one the tag is signed and has the hashes.
+if git -C "$root" rev-parse HEAD >/dev/null 2>&1; then
+  export HOME=$tmp GIT_CONFIG_GLOBAL=/dev/null GIT_CONFIG_SYSTEM=/dev/null
+  for clone in a b; do
+    umask $([ $clone = a ] && echo 022 || echo 077)
+    git clone -q --shared "$root" $clone 2>err || fail "clone: $(cat err)"
+    mkdir $clone/build && ln -s "$build"/* $clone/build/
+  done
+  (cd a && TZ=Pacific/Auckland scripts/release.sh build) >out 2>err && grep -q 'no signing key' out || fail "release: $(cat out err)"
+  if command -v ssh-keygen >/dev/null; then
+    ssh-keygen -q -t ed25519 -N "" -f key
+    echo "release@example.org $(cat key.pub)" >signers
+    for set in gpg.format=ssh user.signingkey="$tmp/key.pub" gpg.ssh.allowedSignersFile="$tmp/signers" user.name=r user.email=release@example.org; do
+      git -C b config "${set%%=*}" "${set#*=}"
+    done
+  fi
+  (cd b && scripts/release.sh build) >out 2>err || fail "release: $(cat out err)"
+  if [ -f key ]; then
+    grep -q "^signed tag v$version" out && git -C b tag -v "v$version" >tag 2>err && grep -q "$(head -c 64 b/build/release/SHA256SUMS)" tag || fail "tag -v: $(cat out err)"
+  fi
+  cmp a/build/release/sst-*.tar.gz b/build/release/sst-*.tar.gz && cmp a/build/release/sst-*.cdx.json b/build/release/sst-*.cdx.json || fail "releases of two clones differ"
+  (cd a/build/release && sha256sum -c --quiet SHA256SUMS) || fail "hashes"
+  "$evidence" check a/build/release/*.json 2>err || fail "release: $(cat err)"
+  grep -q "$(sha256sum <a/build/release/sst-"$version".tar.gz | cut -d' ' -f1)" a/build/release/*.provenance.json || fail "provenance names another archive"
+  echo >>a/README.md
+  (cd a && scripts/release.sh build) >out 2>err && fail "a release of what is not committed"
+  grep -q "not committed" err || fail "not committed: $(cat err)"
+fi
 exit $failed
