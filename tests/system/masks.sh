@@ -8,6 +8,7 @@ need libcurl
 log=sstd.log
 printf 'scene: cat\ngrid: [2, 2]\nsize: [160, 128]\nstrip: false\n' >small.yaml
 
+port=$((10000 + $$ % 20000))
 # write_config MASKS...: the array, with these masks
 write_config() {
   cat >sstd.yaml <<YAML
@@ -22,9 +23,11 @@ control: {socket: $tmp/c.sock, group: ""}
 web: {port: 0, token_file: $tmp/token}
 storage: {dir: $tmp/store, ring_mb: 16, preroll_s: 5, min_free_gb: 0}
 live: {method: refocus}
+rtsp: {enabled: true, port: $port, codec: h264}
 privacy: {masks: [$1]}
 YAML
 }
+rtsp=
 # black FILE X0 Y0 X1 Y1: the picture is black there, and nowhere else as a whole (a margin of 17 px between)
 black() {
   /usr/bin/python3 - "$@" <<'PY'
@@ -58,7 +61,7 @@ write_config '{name: garden, x0: 0.6, near_px: 4}, {name: window, row: 1, col: 1
 sed "s|^live:.*|live: {method: refocus, calibration: $tmp/none.yaml}|" sstd.yaml >unplaced.yaml
 "$build/sst-sim" --quiet --world small.yaml -- sh -c 'echo $$ >pid; exec "$0" "$@"' "$build/sstd" --config unplaced.yaml >sstd.log 2>&1 &
 sim=$!
-trap 'kill -9 $daemon 2>/dev/null; kill $sim 2>/dev/null && ended $sim "the simulator"; rm -rf "$tmp"' EXIT
+trap 'kill -9 $daemon $rtsp 2>/dev/null; kill $sim 2>/dev/null && ended $sim "the simulator"; rm -rf "$tmp"' EXIT
 written pid
 daemon=$(cat pid)
 until_is 30 reason '"none.yaml" in v'
@@ -109,6 +112,19 @@ for video in "" --camera=r1c1; do
   fi
   rm -f v.mkv
 done
+
+at=$(curl -sf --unix-socket c.sock http://x/api/v1/recordings | /usr/bin/python3 -c 'import json, sys; print(json.load(sys.stdin)["recordings"][0]["from"])')
+"$sst" record export --time "$at" -o then.tar >out 2>&1 && mkdir then && tar xf then.tar -C then || fail "export: $(cat out)"
+for v in then/*/views/*; do is_black "$v" $right; done
+# RTSP and ONVIF, which leads to the same stream.
+if [ -x "$build/sst-rtsp" ] && command -v ffmpeg >/dev/null; then
+  "$build/sst-rtsp" --config sstd.yaml 2>rtsp.log & rtsp=$!
+  for s in main camera/r1c1; do
+    awaits "timeout 20 ffmpeg -nostdin -v error -y -rtsp_transport tcp -i rtsp://127.0.0.1:$port/$s -frames:v 1 rtsp.png 2>err" && is_black rtsp.png $right || fail "RTSP of $s: $(cat err rtsp.log)"
+  done
+  kill $rtsp
+  ended $rtsp sst-rtsp
+fi
 
 # A reload moves them; sets of before, without the new one, are in no recording's pre-roll, and no picture of them is shown.
 write_config '{name: sky, row: 0, col: 0, y1: 0.25}'
