@@ -361,6 +361,7 @@ static int mask_frame(void *arg, int index, int worker SST_UNUSED)
     m->to->frame[cam].stride = raw.stride;
     m->to->frame[cam].data = raw.data;
     m->to->frame[cam].bytes = raw.bytes;
+    m->to->frame[cam].row_bytes = 0; /* a picture of its own */
     return 0;
 }
 

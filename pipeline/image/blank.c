@@ -139,7 +139,7 @@ struct format {
 static const struct format formats[] = {
     { V4L2_PIX_FMT_GREY, 1, { 0, 0 } },   { V4L2_PIX_FMT_Y16, 2, { 0, 0 } },    { V4L2_PIX_FMT_YUYV, 2, { 0, 128 } },
     { V4L2_PIX_FMT_SBGGR8, 1, { 0, 0 } }, { V4L2_PIX_FMT_SGBRG8, 1, { 0, 0 } }, { V4L2_PIX_FMT_SGRBG8, 1, { 0, 0 } },
-    { V4L2_PIX_FMT_SRGGB8, 1, { 0, 0 } },
+    { V4L2_PIX_FMT_SRGGB8, 1, { 0, 0 } }, { V4L2_PIX_FMT_RGB24, 3, { 0, 0 } },
 };
 
 static const struct format *find(uint32_t fourcc)

@@ -239,12 +239,13 @@ static void test_jpeg_damaged(void **state)
 static void test_raw_formats(void **state)
 {
     static const uint32_t formats[] = { V4L2_PIX_FMT_GREY,   V4L2_PIX_FMT_Y16,    V4L2_PIX_FMT_YUYV,  V4L2_PIX_FMT_SBGGR8,
-                                        V4L2_PIX_FMT_SGBRG8, V4L2_PIX_FMT_SGRBG8, V4L2_PIX_FMT_SRGGB8 };
+                                        V4L2_PIX_FMT_SGBRG8, V4L2_PIX_FMT_SGRBG8, V4L2_PIX_FMT_SRGGB8, V4L2_PIX_FMT_RGB24 };
 
     (void)state;
     choose_blocks(4, 10, 3, 7);
     for (size_t i = 0; i < ARRAY_LEN(formats); i++) {
-        const size_t pixel = formats[i] == V4L2_PIX_FMT_Y16 || formats[i] == V4L2_PIX_FMT_YUYV ? 2 : 1;
+        const size_t two = formats[i] == V4L2_PIX_FMT_Y16 || formats[i] == V4L2_PIX_FMT_YUYV ? 2 : 1;
+        const size_t pixel = formats[i] == V4L2_PIX_FMT_RGB24 ? 3 : two;
         const size_t row = WIDTH * pixel, stride = row + 24, bytes = stride * HEIGHT;
         uint8_t *first = malloc(row * HEIGHT), *data = malloc(bytes);
         struct sst_blank *b;
