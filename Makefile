@@ -3,6 +3,12 @@
 VERSION := 0.2.0
 PREFIX ?= /usr/local
 SYSCONFDIR ?= /etc
+LIBDIR ?= $(PREFIX)/lib
+# Plugins are found relative to the programs, so that an installed tree can be moved.
+PLUGINDIR ?= $(LIBDIR)/sst
+ifneq (,$(filter-out $(PREFIX)/%,$(PLUGINDIR)))
+$(error PLUGINDIR=$(PLUGINDIR) is not below PREFIX=$(PREFIX), where the programs look for their plugins; choose another one)
+endif
 DESTDIR ?=
 BUILD ?= build$(if $(ARCH),-$(ARCH))$(if $(SAN),-$(subst $(comma),-,$(SAN)))
 comma := ,
@@ -179,7 +185,6 @@ READ_OBJ := $(READ_SRC:%.c=$(BUILD)/obj/%.o) $(BUILD)/obj/read/read.o
 READ_FLAGS := -fPIC -fno-semantic-interposition
 READ_LIB := $(if $(SAN),,$(BUILD)/libsst-read.so.$(VERSION))
 INCLUDEDIR ?= $(PREFIX)/include
-LIBDIR ?= $(PREFIX)/lib
 CLI_OBJ := $(CLI_SRC:%.c=$(BUILD)/obj/%.o) $(BUILD)/obj/commands.o
 TESTS := $(TEST_SRC:tests/%.c=$(BUILD)/tests/%)
 # Programs that tests/system runs beside sst.
@@ -193,7 +198,7 @@ PROGRAMS := $(BUILD)/sst $(BUILD)/sstd $(PUBLISHERS:%=$(BUILD)/sst-%) $(if $(SIM
 all: $(PROGRAMS) ## build the programs into build/: sst, sstd, sst-rtsp, sst-mqtt, sst-onvif, sst-sim (simulated devices), and their plugins
 
 # Objects of other flags or optional parts are rebuilt.
-FLAGS = $(filter-out -Werror,$(CC) $(CFLAGS_ALL) $(CXX) $(CXXFLAGS_ALL) $(LIBS) $(OPENCV_LIBS) $(AV_LIBS) $(READ_FLAGS))
+FLAGS = $(filter-out -Werror,$(PLUGINDIR:$(PREFIX)/%=%) $(CC) $(CFLAGS_ALL) $(CXX) $(CXXFLAGS_ALL) $(LIBS) $(OPENCV_LIBS) $(AV_LIBS) $(READ_FLAGS))
 $(BUILD)/flags: $(BUILD)/shaders.h FORCE
 	@mkdir -p $(@D)
 	@echo '$(subst ','\'',$(FLAGS))' | cmp -s - $@ || echo '$(subst ','\'',$(FLAGS))' > $@
@@ -219,6 +224,7 @@ $(BUILD)/obj/publishers/mqtt/discovery.o: publishers/mqtt/entities.json
 $(BUILD)/obj/publishers/onvif/answers.o: publishers/onvif/answers.txt
 $(BUILD)/obj/simulators/devices/main.o: simulators/devices/help.txt
 $(BUILD)/obj/cli/status.o: cli/status.txt
+$(BUILD)/obj/base/plugin.o $(BUILD)/obj/simulators/devices/session.o: private CFLAGS_ALL += -DSST_PLUGINDIR='"$(PLUGINDIR:$(PREFIX)/%=%)"'
 # libcurl is loaded when it is first used.
 ifeq (1,$(WITH_CURL))
 $(BUILD)/obj/base/curl.o: private CFLAGS_ALL += -DSST_CURL_LIBRARY='"$(shell readelf -d $$($(CC) -print-file-name=$(patsubst -l%,lib%.so,$(filter -lcurl%,$(PACKAGE_LIBS)))) | sed -n 's/.*(SONAME).*\[\(.*\)\]/\1/p')"'
@@ -314,7 +320,7 @@ $(BUILD)/libsst-sim-preload.so: $(PRELOAD_SRC) $(wildcard simulators/devices/*.h
 	@mkdir -p $(@D)
 	@echo "  LD   $@"
 	@$(CC) -std=gnu11 -I. -O2 -g $(filter-out -fPIE -D_FORTIFY%,$(HARDEN)) -D_FORTIFY_SOURCE=2 -fPIC -shared -Wl,-z,relro,-z,now -fvisibility=hidden -pthread \
-	      $(CWARN) $(PRELOAD_SRC) -ldl -o $@
+	      $(CWARN) $(filter -f%-prefix-map=%,$(CFLAGS)) $(PRELOAD_SRC) $(filter -Wl%,$(LDFLAGS)) -ldl -o $@
 $(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(BUILD)/libsst-sim.a $(BUILD)/libsst.a | $(PLUGINS)
 	@mkdir -p $(@D)
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) $(AV_LIBS) -lcmocka -o $@
@@ -430,6 +436,20 @@ check-cluster: deps-cluster $(PROGRAMS) ## shared work on a real Slurm of this m
 .PHONY: check-python
 check-python: $(PROGRAMS) $(BUILD)/tests/tools/record_writer ## notebooks whole, and python3-sst on public light fields, about 2 minutes; SHARED=DIR has their folder
 	SST_BUILD=$(BUILD) tests/python/check.sh $(SHARED)
+
+.PHONY: deps-packages packages check-packages check-packages-quick
+DIST ?= bookworm
+deps-packages: ## install what packages and check-packages need besides
+	scripts/deps.sh scripts/packages/packages.txt
+
+packages: ## Debian packages in build/packages/DIST/, built in a clean root: DIST=bookworm (default) or trixie, PACKAGES_ARCH=arm64; needs root
+	scripts/packages/build.sh $(DIST) $(PACKAGES_ARCH)
+
+check-packages: ## lintian, piuparts, autopkgtest, reprotest, first live picture of the packages of DIST; ONLY="lintian first"; needs root
+	scripts/packages/check.sh $(DIST) $(ONLY)
+
+check-packages-quick: $(PROGRAMS) ## debian/ against what make install puts where; part of make check
+	SST_BUILD=$(BUILD) tests/system/packages.sh
 
 deps-colmap: ## install what check-colmap needs besides
 	scripts/deps.sh scripts/colmap/packages.txt
@@ -553,7 +573,11 @@ demo: deps ## see through moving scenes: simulated arrays, the service, its page
 	$(MAKE) all
 	$(BUILD)/sst demo $(DEMO)
 
-INSTALL := BUILD='$(BUILD)' PREFIX='$(PREFIX)' SYSCONFDIR='$(SYSCONFDIR)' DESTDIR='$(DESTDIR)' scripts/install.sh
+UNITDIR ?= $(PREFIX)/lib/systemd/system
+UDEVDIR ?= $(PREFIX)/lib/udev
+ZSHDIR ?= $(PREFIX)/share/zsh/site-functions
+INSTALL := BUILD='$(BUILD)' PREFIX='$(PREFIX)' SYSCONFDIR='$(SYSCONFDIR)' DESTDIR='$(DESTDIR)' PLUGINDIR='$(PLUGINDIR)' UNITDIR='$(UNITDIR)' \
+  UDEVDIR='$(UDEVDIR)' ZSHDIR='$(ZSHDIR)' scripts/install.sh
 install install-built uninstall: export READ_DIRS = LIBDIR='$(LIBDIR)' INCLUDEDIR='$(INCLUDEDIR)' VERSION='$(VERSION)'
 install: all ## install programs, units, rules, man pages under DESTDIR/PREFIX; then docs/use/install.md
 	$(INSTALL) install

@@ -8,7 +8,7 @@
 #include "base/file.h"
 
 /* Folders relative to the program's: in the build, installed in bin/ or sbin/, a bench and a test in the build. */
-static const char *const folders[] = { "", "../lib/", "../", "../../" };
+static const char *const folders[] = { "", "../" SST_PLUGINDIR "/", "../", "../../" };
 
 void *sst_plugin_symbol(const char *name, const char *symbol, char why[256])
 {
@@ -20,7 +20,7 @@ void *sst_plugin_symbol(const char *name, const char *symbol, char why[256])
         return NULL;
     }
     strrchr(exe, '/')[1] = 0;
-    snprintf(why, 256, "libsst-%s.so is neither beside the program nor in ../lib", name);
+    snprintf(why, 256, "libsst-%s.so is neither beside the program nor in ../" SST_PLUGINDIR, name);
     for (size_t i = 0; i < ARRAY_LEN(folders) && !library; i++) {
         (void)snprintf(path, sizeof(path), "%s%slibsst-%s.so", exe, folders[i], name);
         if (access(path, F_OK))

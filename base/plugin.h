@@ -1,5 +1,5 @@
-/* base/plugin.h - loads parts of the program on first use: libsst-NAME.so beside the program, or in lib/ beside its
- * folder. They depend on libraries that load slowly and that most runs do not need. */
+/* base/plugin.h - loads parts of the program on first use: libsst-NAME.so beside the program, or in SST_PLUGINDIR
+ * (lib/sst) beside its folder. They depend on libraries that load slowly and that most runs do not need. */
 #ifndef SST_BASE_PLUGIN_H
 #define SST_BASE_PLUGIN_H
 

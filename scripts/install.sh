@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # install.sh install|uninstall: installs or removes what was built; one list for both. From make:
-# BUILD, PREFIX, SYSCONFDIR, DESTDIR. A configuration that was changed stays in both cases.
+# BUILD, PREFIX, SYSCONFDIR, DESTDIR, and PLUGINDIR, UNITDIR, UDEVDIR, ZSHDIR. A configuration that was changed stays in both cases.
 set -eu
 verb=$1
 cd "$(dirname "$0")/.."
@@ -37,26 +37,30 @@ empty() { [ "$verb" = install ] || rmdir "$@" 2>/dev/null || true; }
 put 755 "$BUILD/sst" "$p/bin/sst"
 put 755 "$BUILD/sstd" "$p/sbin/sstd"
 put 755 "$BUILD/sst-sim" "$p/bin/sst-sim"
-put 644 "$BUILD/libsst-sim-preload.so" "$p/lib/libsst-sim-preload.so"
-for f in opencv video gphoto aravis; do [ ! -e "$BUILD/libsst-$f.so" ] || put 644 "$BUILD/libsst-$f.so" "$p/lib/libsst-$f.so"; done
+put 644 "$BUILD/libsst-sim-preload.so" "$root$PLUGINDIR/libsst-sim-preload.so"
+for f in opencv video gphoto aravis; do [ ! -e "$BUILD/libsst-$f.so" ] || put 644 "$BUILD/libsst-$f.so" "$root$PLUGINDIR/libsst-$f.so"; done
 for f in config/profiles/*.yaml; do put 644 "$f" "$p/share/sst/profiles/${f##*/}"; done
 for f in models/*.onnx models/manifest.json; do put 644 "$f" "$p/share/sst/$f"; done
 for f in docs/man/*.[1-8]; do put 644 "$f" "$p/share/man/man${f##*.}/${f##*/}"; done
-for f in sst sst-sim sstd; do put 644 completions/$f "$p/share/bash-completion/completions/$f"; done
+for f in sst sst-sim sstd; do
+  put 644 completions/$f "$p/share/bash-completion/completions/$f"
+  put 644 completions/_$f "$root$ZSHDIR/_$f"
+  put 644 completions/$f.fish "$p/share/fish/vendor_completions.d/$f.fish"
+done
 
-filled systemd/sstd.service.in "$p/lib/systemd/system/sstd.service"
+filled systemd/sstd.service.in "$root$UNITDIR/sstd.service"
 # Enabled: started with the service. They wait while they are disabled in the configuration.
 for name in rtsp mqtt onvif; do
   [ "$verb" = install ] && [ ! -e "$BUILD/sst-$name" ] && continue # built without
   put 755 "$BUILD/sst-$name" "$p/sbin/sst-$name"
-  filled systemd/sst-$name.service.in "$p/lib/systemd/system/sst-$name.service"
-  linked ../sst-$name.service "$p/lib/systemd/system/sstd.service.wants/sst-$name.service"
+  filled systemd/sst-$name.service.in "$root$UNITDIR/sst-$name.service"
+  linked ../sst-$name.service "$root$UNITDIR/sstd.service.wants/sst-$name.service"
 done
-put 644 systemd/sstd.socket "$p/lib/systemd/system/sstd.socket"
+put 644 systemd/sstd.socket "$root$UNITDIR/sstd.socket"
 put 644 systemd/sysusers.conf "$p/lib/sysusers.d/sst.conf"
 put 644 systemd/tmpfiles.conf "$p/lib/tmpfiles.d/sst.conf"
 put 644 systemd/modules-load.conf "$p/lib/modules-load.d/sst.conf"
-put 644 systemd/60-sst.rules "$p/lib/udev/rules.d/60-sst.rules"
+put 644 systemd/60-sst.rules "$root$UDEVDIR/rules.d/60-sst.rules"
 for f in systemd/examples/*; do put 644 "$f" "$doc/examples/${f##*/}"; done
 
 # libsst-read and what building with it needs.
@@ -85,4 +89,4 @@ elif [ -e "$etc/sstd.yaml" ]; then
   echo "$etc/sstd.yaml was changed: it stays"
 fi
 empty "$etc/conf.d" "$etc"
-empty "$p/share/sst/profiles" "$p/share/sst/models" "$p/share/sst" "$doc/examples" "$doc"
+empty "$root$PLUGINDIR" "$p/share/sst/profiles" "$p/share/sst/models" "$p/share/sst" "$doc/examples" "$doc"

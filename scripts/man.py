@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Write what comes from the table of commands: the man page sst.1 (into docs/man/sst.1.in) and the completion for bash; and
-those of sst-sim and sstd, from their --help.
+"""Write what comes from the table of commands: the man page sst.1 (into docs/man/sst.1.in) and the completions for bash, zsh and
+fish; and those of the other programs, from their --help.
 
 `make man` runs it. With --check nothing is written: exit 1 if a file is not what it would be."""
 import argparse
@@ -10,8 +10,24 @@ import subprocess
 import sys
 from pathlib import Path
 
+import completions
+from completions import COMMON
+
 ROOT = Path(__file__).resolve().parent.parent
-COMMON = [("verbose", "v", "log more"), ("quiet", "q", "log errors only"), ("help", "h", "explain, with an example")]
+# Values of options of sst-sim; those of --world are the scenes of the table.
+SIMULATED = {"usb": "wide tight single-tt multi-tt", "triggers": "rows one"}
+PUBLISHERS = {
+    "sst-rtsp": ("rtsp", "RTSP streams of a see-through camera array", """The main view of the service, views with a focus of their own and
+single cameras, as streams that video recorders add like any network camera: rtsp://HOST:8554/main, /view/ID and /camera/r0c5, in
+H.264 or JPEG.
+Beyond this machine it wants a user and a password."""),
+    "sst-mqtt": ("mqtt", "MQTT client of a see-through camera array", """State, events, visits and pictures of the service, published at an MQTT
+broker, which Home Assistant finds by itself as one device; commands from the broker (record, focus, snapshot) are carried out.
+A broker on another machine wants TLS."""),
+    "sst-onvif": ("onvif", "ONVIF camera of a see-through camera array", """The main view of the service as an ONVIF camera: video recorders
+find it by searching, fetch its stream from sst-rtsp, and receive motion and persons as events.
+It is a subset of profiles S and T, not certified."""),
+}
 
 
 def escape(text, literal=False):
@@ -121,23 +137,76 @@ def completion(commands):
     return "\n".join(lines) + "\n"
 
 
-def small_completion(program, usage):
-    """Of a program with options and words in its --help."""
-    options, files = ["--help"], []
-    for line in usage.splitlines():
-        m = re.match(r"  (?:-\w, |    )?(--[a-z-]+)( [A-Z][A-Z=]*)?\s", line)
-        if m:
-            options.append(m[1])
-            files += [m[1]] if m[2] else []
-    words = re.findall(rf"^\s+{program} ([a-z]+)\b", usage, re.M)
+def small_completion(program, options, words):
+    """For bash, of a program with options and words in its --help."""
+    names = [f"--{o['name']}" for o in options]
+    files = [f"--{o['name']}" for o in options if o["values"] == "file"]
     name = "_" + program.replace("-", "_")
-    return "\n".join([
+    lines = [
         f"# Completion of {program} for bash. Made from its --help by `make man`; do not edit.", f"{name}()", "{",
-        "    local cur=${COMP_WORDS[COMP_CWORD]} prev=${COMP_WORDS[COMP_CWORD - 1]}", "    COMPREPLY=()",
-        f"    case $prev in {' | '.join(files)}) return ;; esac", "    if [[ $cur == -* ]]; then",
-        f"        COMPREPLY=($(compgen -W '{' '.join(dict.fromkeys(options))}' -- \"$cur\"))"]
-        + ([f"    elif ((COMP_CWORD == 1)); then", f"        COMPREPLY=($(compgen -W '{' '.join(words)}' -- \"$cur\"))"] if words else [])
-        + ["    fi", "}", f"complete -o bashdefault -o default -F {name} {program}"]) + "\n"
+        "    local cur=${COMP_WORDS[COMP_CWORD]} prev=${COMP_WORDS[COMP_CWORD - 1]}", "    COMPREPLY=()", "    case $prev in"]
+    lines += [f"    --{o['name']}) COMPREPLY=($(compgen -W \"{o['values']}\" -- \"$cur\")); return ;;"
+              for o in options if o["values"] not in (None, "file")]
+    lines += [f"    {' | '.join(files)}) return ;;", "    esac", "    if [[ $cur == -* ]]; then",
+              f"        COMPREPLY=($(compgen -W '{' '.join(names)}' -- \"$cur\"))"]
+    lines += ["    elif ((COMP_CWORD == 1)); then", f"        COMPREPLY=($(compgen -W '{' '.join(words)}' -- \"$cur\"))"] if words else []
+    return "\n".join(lines + ["    fi", "}", f"complete -o bashdefault -o default -F {name} {program}"]) + "\n"
+
+
+def usage_options(usage):
+    """Options of a --help, with the lines that go on below them."""
+    out = []
+    for line in usage.splitlines():
+        m = re.match(r"  (?:-(\w), |    )?--([a-z-]+)(?: ([A-Z][A-Z=]*))?\s+(.*)$", line) or re.match(r"  ()--([a-z-]+)(?: ([A-Z][A-Z=]*))?\s+(.*)$", line)
+        if m:
+            out.append(list(m.groups()))
+        elif out and re.match(r"   {8}", line):
+            out[-1][3] += " " + line.strip()
+        elif not line.strip() and out:
+            break
+    return sum((option(name, letter, meta, text) for letter, name, meta, text in out), [])
+
+
+def sim_page(usage, version):
+    head, _, rest = usage.partition("\n\n")
+    forms = [re.sub(r"^(usage:)?\s+", "", line) for line in head.splitlines()]
+    forms = [re.sub(r"\s{2,}.*", "", line.replace("usage: ", "")) for line in forms]
+    examples = [re.sub(r"^(example:)?\s+", "", line) for line in rest[rest.index("example:"):].splitlines()]
+    page = (ROOT / "docs/man/sst-sim.1.in").read_text(encoding="utf8").replace("@VERSION@", version)
+    page = page.replace("@SYNOPSIS@", "\n".join(escape(f, True) for f in forms))
+    page = page.replace("@EXAMPLES@", "\n".join(escape(e, True) for e in examples))
+    return page.replace("@OPTIONS@", "\n".join(usage_options(usage)))
+
+
+def publisher_page(program, usage, version):
+    section_name, purpose, text = PUBLISHERS[program]
+    page = (ROOT / "docs/man/publisher.8.in").read_text(encoding="utf8")
+    for key, value in {"VERSION": version, "PROGRAM": program, "TITLE": escape(program.upper(), True), "NAME": escape(program, True),
+                       "PURPOSE": escape(purpose, True), "TEXT": escape(text), "SECTION": section_name}.items():
+        page = page.replace(f"@{key}@", value)
+    return page.replace("@OPTIONS@", "\n".join(usage_options(usage)))
+
+
+def of_programs(build, version, scenes):
+    """Man pages and completions of the programs beside sst that were built."""
+    made = []
+    for program in ["sst-sim", "sstd", *PUBLISHERS]:
+        path = ROOT / build / program
+        if not path.exists():
+            continue
+        run = subprocess.run([str(path), "--help"], capture_output=True, text=True)
+        usage = run.stdout + run.stderr
+        if program in PUBLISHERS:
+            made.append((f"docs/man/{program}.8", publisher_page(program, usage, version)))
+            continue
+        if program == "sst-sim":
+            made.append(("docs/man/sst-sim.1", sim_page(usage, version)))
+        options = completions.of_usage(usage, {**SIMULATED, "world": scenes} if program == "sst-sim" else {})
+        words = list(dict.fromkeys(re.findall(rf"^\s+{program} ([a-z]+)\b", usage, re.M)))
+        made += [(f"completions/{program}", small_completion(program, options, words)),
+                 (f"completions/_{program}", completions.zsh_program(program, options, words)),
+                 (f"completions/{program}.fish", completions.fish_program(program, options, words))]
+    return made
 
 
 def main():
@@ -150,12 +219,11 @@ def main():
     commands = [json.loads(line) for line in run("--describe").splitlines()]
     version = json.loads(run("version", "--json"))["version"]
     stale = 0
-    made = [("docs/man/sst.1", man_page(commands, version)), ("completions/sst", completion(commands))]
-    for program in "sst-sim", "sstd":
-        path = ROOT / args.build / program
-        if path.exists():
-            usage = subprocess.run([str(path), "--help"], capture_output=True, text=True)
-            made.append((f"completions/{program}", small_completion(program, usage.stdout + usage.stderr)))
+    table = completions.of_commands(commands, words)
+    scenes = next(o["words"] for c in commands if c["name"] == "demo" for o in c["options"] if o["name"] == "scene")
+    made = [("docs/man/sst.1", man_page(commands, version)), ("completions/sst", completion(commands)),
+            ("completions/_sst", completions.zsh_commands(table)), ("completions/sst.fish", completions.fish_commands(table))]
+    made += of_programs(args.build, version, f"{scenes} forest board")
     for name, text in made:
         path = ROOT / name
         if path.exists() and path.read_text(encoding="utf8") == text:

@@ -24,6 +24,8 @@ names docs/man/sstd.8 "the title" '^\.TH SSTD .*"sst ([^"]*)".*'
 names docs/man/sstd.yaml.5 "the title" '^\.TH SSTD\.YAML .*"sst ([^"]*)".*'
 names python/pyproject.toml "the package" '^version = "([^"]*)".*'
 names python/sst/__init__.py "the package" '^__version__ = "([^"]*)".*'
+names debian/changelog "the newest entry" '^sst \(([^)]*)\) .*'
+for page in sst-sim.1 sst-rtsp.8 sst-mqtt.8 sst-onvif.8; do names docs/man/$page "the title" '^\.TH SST.*"sst ([^"]*)".*'; done
 tag=$(git tag --points-at HEAD 2>/dev/null | grep -E '^v[0-9]' | head -n 1)
 [ -z "$tag" ] || [ "$tag" = "v$version" ] || fail "this commit has the tag $tag; the Makefile has $version"
 exit $bad

@@ -81,7 +81,7 @@ static int find_preload(char out[SST_PATH_MAX])
     int err = sst_path_beside_program(out, PRELOAD);
 
     if (!err && !sst_path_exists(out))
-        err = sst_path_beside_program(out, "../lib/" PRELOAD); /* installed location */
+        err = sst_path_beside_program(out, "../" SST_PLUGINDIR "/" PRELOAD); /* installed location */
     if (!err && !sst_path_exists(out)) {
         err = sst_path_beside_program(out, "");
         sst_log_error("preload library '%s' is not beside the program in '%s'; build it with 'make'", PRELOAD, out);

@@ -5,7 +5,7 @@
 version=$(sed -nE 's/^VERSION := (.*)/\1/p' "$root/Makefile")
 "$sst" version | grep -qF "sst $version" || fail "sst version: $("$sst" version | head -n 1), not $version"
 
-files='CHANGELOG.md README.md docs/man/sst.1 docs/man/sstd.8 docs/man/sstd.yaml.5 python/pyproject.toml python/sst/__init__.py'
+files='CHANGELOG.md README.md docs/man/sst.1 docs/man/sstd.8 docs/man/sstd.yaml.5 docs/man/sst-sim.1 docs/man/sst-rtsp.8 docs/man/sst-mqtt.8 docs/man/sst-onvif.8 debian/changelog python/pyproject.toml python/sst/__init__.py'
 (cd "$root" && cp --parents Makefile $files "$tmp")
 "$root/scripts/release_check.sh" "$tmp" 2>err || fail "a copy: $(cat err)"
 for file in $files; do

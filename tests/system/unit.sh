@@ -9,7 +9,9 @@ run() { make -s -C "$root" BUILD="$build" PREFIX=/usr DESTDIR="$tmp/dest" "$@" >
 run install-built
 for f in usr/bin/sst usr/sbin/sstd usr/lib/systemd/system/sstd.service usr/lib/systemd/system/sstd.socket \
     usr/lib/sysusers.d/sst.conf usr/lib/tmpfiles.d/sst.conf usr/lib/udev/rules.d/60-sst.rules usr/lib/modules-load.d/sst.conf \
-    usr/share/man/man1/sst.1 usr/share/man/man8/sstd.8 usr/share/bash-completion/completions/sst usr/share/bash-completion/completions/sst-sim usr/share/bash-completion/completions/sstd etc/sst/sstd.yaml \
+    usr/share/man/man1/sst.1 usr/share/man/man1/sst-sim.1 usr/share/man/man8/sstd.8 usr/share/man/man8/sst-rtsp.8 \
+    usr/share/bash-completion/completions/sst usr/share/zsh/site-functions/_sst usr/share/fish/vendor_completions.d/sst.fish \
+    usr/lib/sst/libsst-sim-preload.so etc/sst/sstd.yaml \
     usr/share/doc/sst/examples/lan.conf; do
   [ -s "dest/$f" ] || fail "$f is not installed"
 done

@@ -1,0 +1,80 @@
+#!/usr/bin/env bash
+# Checks of the built packages: check.sh DIST [lintian|quick|piuparts|autopkgtest|reprotest|first]...; all without a name. A line for
+# each, logs in build/packages/DIST/. Needs root, an archive, and for autopkgtest's virtual machine /dev/kvm (else a root folder, without
+# systemd).
+set -u
+cd "$(dirname "$0")/../.."
+dist=$1
+shift
+arch=$(dpkg --print-architecture)
+logs=$PWD/build/packages/$dist
+out=$logs/$arch
+bad=0
+[ $# -gt 0 ] || set -- lintian quick piuparts autopkgtest reprotest first
+compgen -G "$out/*.deb" >/dev/null || { echo "no packages in $out: make packages DIST=$dist" >&2; exit 1; }
+
+judge() { # NAME RC LOG
+  if [ "$2" -eq 0 ]; then echo "ok    $1"; else echo "FAIL  $1: $3"; tail -n 20 "$3"; bad=1; fi
+}
+
+# Every tag is shown; errors and warnings fail, also experimental and pedantic tags are in the log.
+check_lintian() {
+  local root
+  root=$(scripts/packages/root.sh "$dist" build)
+  scripts/packages/enter.sh --bind "$out:/packages" "$root" sh -c \
+    'exec setpriv --reuid=builder --regid=builder --clear-groups lintian -EvIL +pedantic --fail-on error,warning /packages/*.changes' >"$logs/lintian.log" 2>&1
+  judge "lintian: $(grep -cE '^[EW]: ' "$logs/lintian.log") errors and warnings, $(grep -cE '^[IPXO]: ' "$logs/lintian.log") hints" $? "$logs/lintian.log"
+}
+
+# Completions in the shells themselves, man pages by man, profiles by AppArmor's parser, units by systemd.
+check_quick() {
+  local root
+  root=$(scripts/packages/root.sh "$dist" build)
+  scripts/packages/enter.sh --network --bind "$out:/packages" --bind "$PWD/scripts/packages:/scripts" "$root" bash /scripts/installed.sh >"$logs/installed.log" 2>&1
+  judge "installed: man pages, completions, profiles, units" $? "$logs/installed.log"
+}
+
+check_piuparts() {
+  local root
+  root=$(scripts/packages/root.sh "$dist" bare)
+  # Each alone in a copy of the root, with the others to be had for its dependencies.
+  (cd "$out" && dpkg-scanpackages -m . >Packages 2>/dev/null)
+  piuparts --existing-chroot="$root" --distribution="$dist" --mirror="${DEBIAN_MIRROR:-http://deb.debian.org/debian} main" --no-eatmydata \
+    --bindmount="$out" --extra-repo="deb [trusted=yes] file:$out ./" --warn-on-leftovers-after-purge --fail-if-inadequate \
+    "$out"/*.changes >"$logs/piuparts.log" 2>&1
+  judge "piuparts" $? "$logs/piuparts.log"
+}
+
+check_autopkgtest() {
+  local server
+  rm -rf "$logs/autopkgtest"
+  if [ -w /dev/kvm ]; then
+    local machine
+    machine=$(scripts/packages/machine.sh "$dist")
+    server=(qemu -q "$machine/qemu" --cpus 2 --ram-size 3072 --overlay-dir "$machine" --boot none "$machine/disk.img")
+  else
+    server=(chroot "$(scripts/packages/root.sh "$dist" bare)")
+  fi
+  autopkgtest --no-built-binaries --apt-upgrade --ignore-restrictions=isolation-container --output-dir "$logs/autopkgtest" "$out"/*.deb "$out"/*.dsc \
+    -- "${server[@]}" >"$logs/autopkgtest.log" 2>&1
+  judge "autopkgtest in ${server[0]}: $(awk '/(PASS|FAIL|SKIP|FLAKY)/ && NF < 4 { printf "%s%s %s", n++ ? ", " : "", $1, $2 }' "$logs/autopkgtest/summary" 2>/dev/null)" $? "$logs/autopkgtest.log"
+}
+
+# Two builds in a root without a network, by reprotest itself, which varies path, time, locale, cores and umask, and compares.
+check_reprotest() {
+  local root
+  root=$(scripts/packages/root.sh "$dist" build)
+  scripts/packages/reprotest.sh "$dist" "$root" >"$logs/reprotest.log" 2>&1
+  judge "reprotest" $? "$logs/reprotest.log"
+}
+
+check_first() {
+  scripts/packages/first.sh "$dist" >"$logs/first.log" 2>&1
+  judge "first live picture: $(tail -n 1 "$logs/first.log")" $? "$logs/first.log"
+}
+
+for part in "$@"; do
+  declare -F "check_$part" >/dev/null || { echo "check.sh: no check $part" >&2; exit 2; }
+  "check_$part"
+done
+exit $bad

@@ -1,0 +1,39 @@
+#!/usr/bin/env bash
+# Time from the built packages to the first live picture on a bare root of Debian: first.sh DIST. Two commands, `apt install ./*.deb` and
+# `sst demo`; the picture is fetched from the service's page. Needs root and an archive: what apt downloads is timed by itself first.
+set -eu
+cd "$(dirname "$0")/../.."
+dist=$1 arch=$(dpkg --print-architecture)
+limit=${FIRST_LIMIT_S-60}
+out=$PWD/build/packages/$dist
+root=$(scripts/packages/root.sh "$dist" bare)
+mkdir -p "$out/first"
+rm -rf "$out/first"/*
+cp "$out/$arch"/sst_*.deb "$out/$arch"/sstd_*.deb "$out/$arch"/sst-sim_*.deb "$out/$arch"/sst-models_*.deb "$out/first/"
+scripts/packages/enter.sh --network --bind "$out/first:/packages" "$root" bash -c '
+  set -eu
+  now() { cut -d" " -f1 /proc/uptime; }
+  ms() { awk -v a="$1" -v b="$2" "BEGIN { printf \"%.1f\", b - a }"; }
+  apt-get -qq update
+  t0=$(now)
+  apt-get -qq install -y --download-only /packages/*.deb >/dev/null
+  t1=$(now)
+  # --- the two commands ---
+  apt-get -qq install -y /packages/*.deb >/packages/apt.log 2>&1
+  t2=$(now)
+  cd /root
+  sst demo >/packages/demo.log 2>&1 &
+  demo=$!
+  picture() {
+    sst snapshot --socket sst-demo/pedestrian.sock -o now.jpg >/dev/null 2>&1 && [ -s now.jpg ]
+  }
+  until picture; do
+    kill -0 $demo 2>/dev/null || { cat /packages/demo.log >&2; exit 1; }
+    sleep 0.2
+  done
+  t3=$(now)
+  kill -INT $demo
+  wait $demo || true
+  cp now.jpg /packages/
+  echo "download $(ms $t0 $t1) s, install $(ms $t1 $t2) s, demo to the first live picture $(ms $t2 $t3) s; the two commands $(ms $t1 $t3) s"
+  awk -v t="$(ms $t1 $t3)" -v limit='"$limit"' "BEGIN { exit t > limit }" || { echo "longer than '"$limit"' s" >&2; exit 1; }'
