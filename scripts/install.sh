@@ -39,6 +39,8 @@ put 755 "$BUILD/sstd" "$p/sbin/sstd"
 put 755 "$BUILD/sst-sim" "$p/bin/sst-sim"
 put 644 "$BUILD/libsst-sim-preload.so" "$root$PLUGINDIR/libsst-sim-preload.so"
 for f in opencv video gphoto aravis; do [ ! -e "$BUILD/libsst-$f.so" ] || put 644 "$BUILD/libsst-$f.so" "$root$PLUGINDIR/libsst-$f.so"; done
+# Where versions before 0.3 had them.
+for f in opencv video gphoto sim-preload; do rm -f "$p/lib/libsst-$f.so"; done
 for f in config/profiles/*.yaml; do put 644 "$f" "$p/share/sst/profiles/${f##*/}"; done
 for f in models/*.onnx models/manifest.json; do put 644 "$f" "$p/share/sst/$f"; done
 for f in docs/man/*.[1-8]; do put 644 "$f" "$p/share/man/man${f##*.}/${f##*/}"; done

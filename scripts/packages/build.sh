@@ -47,7 +47,7 @@ scripts/packages/enter.sh "${binds[@]}" "$root" sh -ec '
   chown -R builder /build; [ ! -d /ccache ] || chown builder /ccache
   cd "/build/$1"; path=$2 options=$3; shift 3
   exec setpriv --reuid=builder --regid=builder --init-groups env -i PATH="$path" HOME=/home/builder LC_ALL=C.UTF-8 CCACHE_DIR=/ccache CCACHE_NOHASHDIR=1 \
-    DEB_BUILD_OPTIONS="$options" dpkg-buildpackage -us -uc "$@"' - "${tree##*/}" "$path" \
+    DEB_BUILD_OPTIONS="$options" dpkg-buildpackage -us -uc --source-option=-Zgzip "$@"' - "${tree##*/}" "$path" \
   "${DEB_BUILD_OPTIONS-parallel=$(nproc)}" "${cross[@]:--F}" \
   >"$out/build.log" 2>&1 || { tail -n 40 "$out/build.log" >&2; echo "the packages cannot be built: $out/build.log" >&2; exit 1; }
 find "$source" -maxdepth 1 -type f -exec mv {} "$out/" \;

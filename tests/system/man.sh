@@ -4,6 +4,9 @@
 [ "$("$sst" --describe | wc -l)" -gt 20 ] || fail "--describe: $("$sst" --describe | head -c 300)"
 "$root/scripts/man.py" --build "${SST_BUILD:-build}" --check || fail "stale"
 
+# Words of options that sst-sim's help names.
+for w in wide tight single-tt multi-tt rows one; do "$root/${SST_BUILD:-build}/sst-sim" --help | grep -qE "\b$w\b" || fail "sst-sim knows no $w"; done
+
 for page in "$root"/docs/man/*.[1-8]; do
   [ -z "$(groff -k -ww -man -Tutf8 "$page" 2>&1 >text)" ] || fail "$page: $(groff -k -ww -man -Tutf8 "$page" 2>&1 >/dev/null)"
   [ "$(wc -l <text)" -gt 30 ] || fail "$page is empty"
@@ -55,7 +58,8 @@ completes 'pspnet-large pspnet-small' process garden --model p
 . "$root/completions/sstd"
 program=sst-sim completes 'fault status stop' ''
 program=sst-sim completes '--triggers --truth' --tr
-program=sst-sim completes '' --world ''
+program=sst-sim completes 'hedge humvee' --world h
+program=sst-sim completes '' --cache ''
 program=sstd completes '--config --check' --c
 program=sstd completes '' --config ''
 exit $failed
