@@ -576,15 +576,15 @@ demo: deps ## see through moving scenes: simulated arrays, the service, its page
 UNITDIR ?= $(PREFIX)/lib/systemd/system
 UDEVDIR ?= $(PREFIX)/lib/udev
 ZSHDIR ?= $(PREFIX)/share/zsh/site-functions
-INSTALL := BUILD='$(BUILD)' PREFIX='$(PREFIX)' SYSCONFDIR='$(SYSCONFDIR)' DESTDIR='$(DESTDIR)' PLUGINDIR='$(PLUGINDIR)' UNITDIR='$(UNITDIR)' \
+RUN_INSTALL := BUILD='$(BUILD)' PREFIX='$(PREFIX)' SYSCONFDIR='$(SYSCONFDIR)' DESTDIR='$(DESTDIR)' PLUGINDIR='$(PLUGINDIR)' UNITDIR='$(UNITDIR)' \
   UDEVDIR='$(UDEVDIR)' ZSHDIR='$(ZSHDIR)' scripts/install.sh
 install install-built uninstall: export READ_DIRS = LIBDIR='$(LIBDIR)' INCLUDEDIR='$(INCLUDEDIR)' VERSION='$(VERSION)'
 install: all ## install programs, units, rules, man pages under DESTDIR/PREFIX; then docs/use/install.md
-	$(INSTALL) install
+	$(RUN_INSTALL) install
 install-built: ## the same without building
-	$(INSTALL) install
+	$(RUN_INSTALL) install
 uninstall: ## remove what install put there, changed configuration excepted
-	$(INSTALL) uninstall
+	$(RUN_INSTALL) uninstall
 
 man: $(BUILD)/sst $(BUILD)/api_tables ## write man pages, completions, openapi.json and status.md from their tables
 	scripts/man.py --build $(BUILD)

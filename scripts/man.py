@@ -14,7 +14,7 @@ import completions
 from completions import COMMON
 
 ROOT = Path(__file__).resolve().parent.parent
-# Values of options of sst-sim; those of --world are the scenes of the table.
+# Values of options of sst-sim; --world has the scenes of the table.
 SIMULATED = {"usb": "wide tight single-tt multi-tt", "triggers": "rows one"}
 PUBLISHERS = {
     "sst-rtsp": ("rtsp", "RTSP streams of a see-through camera array", """The main view of the service, views with a focus of their own and

@@ -40,7 +40,7 @@ check_piuparts() {
   # Each alone in a copy of the root, with the others to be had for its dependencies.
   (cd "$out" && dpkg-scanpackages -m . >Packages 2>/dev/null)
   piuparts --existing-chroot="$root" --distribution="$dist" --mirror="${DEBIAN_MIRROR:-http://deb.debian.org/debian} main" --no-eatmydata \
-    --bindmount="$out" --extra-repo="deb [trusted=yes] file:$out ./" --warn-on-leftovers-after-purge --fail-if-inadequate \
+    --bindmount="$out" --extra-repo="deb [trusted=yes] file:$out ./" --fail-on-broken-symlinks \
     "$out"/*.changes >"$logs/piuparts.log" 2>&1
   judge "piuparts" $? "$logs/piuparts.log"
 }

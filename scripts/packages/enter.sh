@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Command in a throw-away copy of a root folder: what it writes there is gone afterwards; without a network but by --network.
+# Command in a throw-away copy of a root folder: all changes are gone afterwards; without a network but by --network.
 #   enter.sh [--network] [--bind HOST:INSIDE]... ROOT COMMAND [ARGUMENT]...       needs root
 set -eu
 network=--net

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Time from the built packages to the first live picture on a bare root of Debian: first.sh DIST. Two commands, `apt install ./*.deb` and
-# `sst demo`; the picture is fetched from the service's page. Needs root and an archive: what apt downloads is timed by itself first.
+# `sst demo`; the picture is fetched from the service's page. Needs root and an archive; the download is timed by itself first.
 set -eu
 cd "$(dirname "$0")/../.."
 dist=$1 arch=$(dpkg --print-architecture)
