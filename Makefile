@@ -225,6 +225,8 @@ $(BUILD)/obj/publishers/onvif/answers.o: publishers/onvif/answers.txt
 $(BUILD)/obj/simulators/devices/main.o: simulators/devices/help.txt
 $(BUILD)/obj/cli/status.o: cli/status.txt
 $(BUILD)/obj/base/plugin.o $(BUILD)/obj/simulators/devices/session.o: private CFLAGS_ALL += -DSST_PLUGINDIR='"$(PLUGINDIR:$(PREFIX)/%=%)"'
+# Headers of cholmod, which dogleg.h names without their folder on Debian 13.
+$(BUILD)/obj/pipeline/calibration/solve/solve_adjust.o: private CFLAGS_ALL += -isystem $(SYSROOT)/usr/include/suitesparse
 # libcurl is loaded when it is first used.
 ifeq (1,$(WITH_CURL))
 $(BUILD)/obj/base/curl.o: private CFLAGS_ALL += -DSST_CURL_LIBRARY='"$(shell readelf -d $$($(CC) -print-file-name=$(patsubst -l%,lib%.so,$(filter -lcurl%,$(PACKAGE_LIBS)))) | sed -n 's/.*(SONAME).*\[\(.*\)\]/\1/p')"'

@@ -30,7 +30,7 @@ sed -i "s/^Maintainer: .*/Maintainer: $author/" "$tree/debian/control"
   echo
   echo "  * Build for this release of Debian."
   echo
-  sed -nE "0,/^ -- /s/^ -- .*>  (.*)/ -- $author  \1/p" debian/changelog
+  echo " -- $author  $(date -Ru -d "$(sed -nE '0,/^ -- /s/^ -- .*>  (.*)/\1/p' debian/changelog) + 1 minute")"
   echo
   cat debian/changelog
 } >"$tree/debian/changelog"

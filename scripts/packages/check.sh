@@ -19,11 +19,12 @@ judge() { # NAME RC LOG
 
 # Every tag is shown; errors and warnings fail, also experimental and pedantic tags are in the log.
 check_lintian() {
-  local root
+  local root rc
   root=$(scripts/packages/root.sh "$dist" build)
   scripts/packages/enter.sh --bind "$out:/packages" "$root" sh -c \
     'exec setpriv --reuid=builder --regid=builder --clear-groups lintian -EvIL +pedantic --fail-on error,warning /packages/*.changes' >"$logs/lintian.log" 2>&1
-  judge "lintian: $(grep -cE '^[EW]: ' "$logs/lintian.log") errors and warnings, $(grep -cE '^[IPXO]: ' "$logs/lintian.log") hints" $? "$logs/lintian.log"
+  rc=$?
+  judge "lintian: $(grep -cE '^[EW]: ' "$logs/lintian.log") errors and warnings, $(grep -cE '^[IPXO]: ' "$logs/lintian.log") hints" $rc "$logs/lintian.log"
 }
 
 # Completions in the shells themselves, man pages by man, profiles by AppArmor's parser, units by systemd.
@@ -46,7 +47,7 @@ check_piuparts() {
 }
 
 check_autopkgtest() {
-  local server
+  local server rc
   rm -rf "$logs/autopkgtest"
   if [ -w /dev/kvm ]; then
     local machine
@@ -57,7 +58,8 @@ check_autopkgtest() {
   fi
   autopkgtest --no-built-binaries --apt-upgrade --ignore-restrictions=isolation-container --output-dir "$logs/autopkgtest" "$out"/*.deb "$out"/*.dsc \
     -- "${server[@]}" >"$logs/autopkgtest.log" 2>&1
-  judge "autopkgtest in ${server[0]}: $(awk '/(PASS|FAIL|SKIP|FLAKY)/ && NF < 4 { printf "%s%s %s", n++ ? ", " : "", $1, $2 }' "$logs/autopkgtest/summary" 2>/dev/null)" $? "$logs/autopkgtest.log"
+  rc=$?
+  judge "autopkgtest in ${server[0]}: $(awk '/(PASS|FAIL|SKIP|FLAKY)/ && NF < 4 { printf "%s%s %s", n++ ? ", " : "", $1, $2 }' "$logs/autopkgtest/summary" 2>/dev/null)" $rc "$logs/autopkgtest.log"
 }
 
 # Two builds in a root without a network, by reprotest itself, which varies path, time, locale, cores and umask, and compares.
@@ -69,8 +71,10 @@ check_reprotest() {
 }
 
 check_first() {
+  local rc
   scripts/packages/first.sh "$dist" >"$logs/first.log" 2>&1
-  judge "first live picture: $(tail -n 1 "$logs/first.log")" $? "$logs/first.log"
+  rc=$?
+  judge "first live picture: $(tail -n 1 "$logs/first.log")" $rc "$logs/first.log"
 }
 
 for part in "$@"; do
