@@ -74,7 +74,7 @@ static int copy_image(struct sst_image *img, const libraw_processed_image_t *fro
     return err;
 }
 
-#if LIBRAW_MAJOR_VERSION == 0 && LIBRAW_MINOR_VERSION < 21
+#if LIBRAW_MAJOR_VERSION == 0 && LIBRAW_MINOR_VERSION < 22
 typedef int offset_type;
 #else
 typedef INT64 offset_type;

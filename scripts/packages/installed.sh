@@ -4,7 +4,7 @@
 set -u
 failed=0
 fail() { echo "FAIL: $*"; failed=1; }
-apt-get -qq update && apt-get -qq -o Dpkg::Use-Pty=0 install -y --no-install-recommends /packages/sst_*.deb /packages/sstd_*.deb /packages/sst-sim_*.deb /packages/sst-models_*.deb ||
+apt-get -qq update && apt-get -qq -o Dpkg::Use-Pty=0 install -y --no-install-recommends /packages/sst_*.deb /packages/sst-opencv_*.deb /packages/sstd_*.deb /packages/sst-sim_*.deb /packages/sst-models_*.deb ||
   { fail "cannot be installed"; exit 1; }
 
 for page in sst.1 sst-sim.1 sstd.8 sst-rtsp.8 sst-mqtt.8 sst-onvif.8 sstd.yaml.5; do
