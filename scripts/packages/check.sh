@@ -74,7 +74,7 @@ check_first() {
   local rc
   scripts/packages/first.sh "$dist" >"$logs/first.log" 2>&1
   rc=$?
-  judge "first live picture: $(tail -n 1 "$logs/first.log")" $rc "$logs/first.log"
+  judge "first live picture: $(grep packages "$logs/first.log")" $rc "$logs/first.log"
 }
 
 for part in "$@"; do

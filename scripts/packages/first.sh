@@ -13,27 +13,28 @@ cp "$out/$arch"/sst_*.deb "$out/$arch"/sstd_*.deb "$out/$arch"/sst-sim_*.deb "$o
 scripts/packages/enter.sh --network --bind "$out/first:/packages" "$root" bash -c '
   set -eu
   now() { cut -d" " -f1 /proc/uptime; }
-  ms() { awk -v a="$1" -v b="$2" "BEGIN { printf \"%.1f\", b - a }"; }
+  since() { awk -v a="$1" -v b="$2" "BEGIN { printf \"%.1f\", b - a }"; }
+  # Processor seconds of all ended children.
+  spent() { times | tail -n 1 | sed "s/m/ /g; s/s//g" | awk "{ printf \"%.1f\", 60 * \$1 + \$2 + 60 * \$3 + \$4 }"; }
   apt-get -qq update
   t0=$(now)
   apt-get -qq install -y --download-only /packages/*.deb >/dev/null
-  t1=$(now)
+  t1=$(now) c1=$(spent)
   # --- the two commands ---
   apt-get -qq install -y /packages/*.deb >/packages/apt.log 2>&1
-  t2=$(now)
+  t2=$(now) c2=$(spent)
   cd /root
   sst demo >/packages/demo.log 2>&1 &
   demo=$!
-  picture() {
-    sst snapshot --socket sst-demo/pedestrian.sock -o now.jpg >/dev/null 2>&1 && [ -s now.jpg ]
-  }
-  until picture; do
+  until sst snapshot --socket sst-demo/pedestrian.sock -o now.jpg >/dev/null 2>&1 && [ -s now.jpg ]; do
     kill -0 $demo 2>/dev/null || { cat /packages/demo.log >&2; exit 1; }
     sleep 0.2
   done
   t3=$(now)
   kill -INT $demo
   wait $demo || true
+  c3=$(spent)
   cp now.jpg /packages/
-  echo "download $(ms $t0 $t1) s, install $(ms $t1 $t2) s, demo to the first live picture $(ms $t2 $t3) s; the two commands $(ms $t1 $t3) s"
-  awk -v t="$(ms $t1 $t3)" -v limit='"$limit"' "BEGIN { exit t > limit }" || { echo "longer than '"$limit"' s" >&2; exit 1; }'
+  echo "$(grep -c "^Setting up" /packages/apt.log) packages; download $(since $t0 $t1) s; install $(since $t1 $t2) s ($(since $c1 $c2) s of a processor), demo to" \
+    "the first live picture $(since $t2 $t3) s ($(since $c2 $c3) s); the two commands $(since $t1 $t3) s, load $(cut -d" " -f1 /proc/loadavg) on $(nproc) processors"
+  awk -v t="$(since $t1 $t3)" -v limit='"$limit"' "BEGIN { exit t > limit }" || { echo "longer than '"$limit"' s" >&2; exit 1; }'
