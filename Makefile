@@ -30,7 +30,8 @@ PYTHON ?= /usr/bin/python3
 have = $(shell $(PKG_CONFIG) --exists $(1) 2>/dev/null && echo 1 || echo 0)
 WITH_OPENCV ?= $(call have,opencv4)
 WITH_AVFORMAT ?= $(call have,libavformat libavcodec libavutil libswscale)
-WITH_DNNL ?= $(shell echo '$(hash)include <dnnl.h>' | $(CC) -E - >/dev/null 2>&1 && echo 1 || echo 0)
+# Version 3 of oneDNN, of Debian 13, has another interface.
+WITH_DNNL ?= $(shell printf '%s\n' '$(hash)include <dnnl_version.h>' DNNL_VERSION_MAJOR | $(CC) -E -P - 2>/dev/null | grep -qx 2 && echo 1 || echo 0)
 WITH_DEFLATE ?= $(call have,libdeflate)
 WITH_UDEV ?= $(call have,libudev)
 WITH_USB ?= $(call have,libusb-1.0)
