@@ -15,13 +15,15 @@ scripts/packages/enter.sh --network --bind "$out/first:/packages" "$root" bash -
   now() { cut -d" " -f1 /proc/uptime; }
   since() { awk -v a="$1" -v b="$2" "BEGIN { printf \"%.1f\", b - a }"; }
   # Processor seconds of all ended children.
-  spent() { times | tail -n 1 | sed "s/m/ /g; s/s//g" | awk "{ printf \"%.1f\", 60 * \$1 + \$2 + 60 * \$3 + \$4 }"; }
+  spent() { tail -n 1 /tmp/times | sed "s/m/ /g; s/s//g" | awk "{ printf \"%.1f\", 60 * \$1 + \$2 + 60 * \$3 + \$4 }"; }
   apt-get -qq update
   t0=$(now)
   apt-get -qq install -y --download-only /packages/*.deb >/dev/null
+  times >/tmp/times
   t1=$(now) c1=$(spent)
   # --- the two commands ---
   apt-get -qq install -y /packages/*.deb >/packages/apt.log 2>&1
+  times >/tmp/times
   t2=$(now) c2=$(spent)
   cd /root
   # A network of its own: port 8090 of this machine may be in use.
@@ -34,6 +36,7 @@ scripts/packages/enter.sh --network --bind "$out/first:/packages" "$root" bash -
   t3=$(now)
   kill -INT $demo
   wait $demo || true
+  times >/tmp/times
   c3=$(spent)
   cp now.jpg /packages/
   echo "$(grep -c "^Setting up" /packages/apt.log) packages; download $(since $t0 $t1) s; install $(since $t1 $t2) s ($(since $c1 $c2) s of a processor), demo to" \
