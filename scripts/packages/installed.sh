@@ -11,7 +11,7 @@ for page in sst.1 sst-sim.1 sstd.8 sst-rtsp.8 sst-mqtt.8 sst-onvif.8 sstd.yaml.5
   [ -n "$(find /usr/share/man -name "$page.gz")" ] || { grep -q 'path-exclude.*man' /etc/dpkg/dpkg.cfg.d/* 2>/dev/null || fail "no man page $page"; }
 done
 for program in /usr/bin/sst /usr/bin/sst-sim /usr/sbin/sstd /usr/sbin/sst-rtsp /usr/sbin/sst-mqtt /usr/sbin/sst-onvif; do
-  $program --version >/dev/null || fail "$program --version: exit $?"
+  $program --help >/dev/null || fail "$program --help: exit $?"
 done
 sst version
 sst version --json | grep -q '"opencv": true' || fail "built without OpenCV"
