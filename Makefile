@@ -1,4 +1,6 @@
 # Builds, tests and installs sst. `make help` lists the targets.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 
 VERSION := 0.2.0
 PREFIX ?= /usr/local
@@ -606,7 +608,7 @@ check-docs: ## links, citations and names in the docs resolve; part of check-inc
 	$(PYTHON) scripts/check_docs.py
 check-spdx: ## each file has copyright and licence; part of check-includes
 	$(PYTHON) scripts/spdx.py
-check-includes: check-docs
+check-includes: check-docs check-spdx
 
 api-index: ## list all public headers with their purpose lines
 	@scripts/api_index.sh

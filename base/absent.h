@@ -1,4 +1,6 @@
 /* base/absent.h - functions of a part that the build leaves out, for the #else of its source. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_BASE_ABSENT_H
 #define SST_BASE_ABSENT_H
 

@@ -1,4 +1,6 @@
 /* base/base.h - macros and small inline helpers that every file may use. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_BASE_BASE_H
 #define SST_BASE_BASE_H
 

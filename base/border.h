@@ -1,5 +1,7 @@
 /* base/border.h - border of a module for NaN and infinity: values that would cross it are counted, in checked builds
  * asserted. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_BASE_BORDER_H
 #define SST_BASE_BORDER_H
 

@@ -1,4 +1,6 @@
 /* base/brake.h - pauses after wrong passwords, by address: ten in a minute block it for a minute, then for longer. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_BASE_BRAKE_H
 #define SST_BASE_BRAKE_H
 

@@ -10,6 +10,8 @@
  * no common time. A holder that only hung may still finish: work must give the same bytes by any process, and appear at
  * once.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_BASE_CLAIM_H
 #define SST_BASE_CLAIM_H
 

@@ -1,4 +1,6 @@
 /* base/clock.h - monotonic time, CPU time, and wall-clock time as text. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_BASE_CLOCK_H
 #define SST_BASE_CLOCK_H
 

@@ -1,5 +1,7 @@
 /* base/curl.h - libcurl, loaded when it is first used: with the libraries that it needs it would take a third of every start of
  * sst. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_BASE_CURL_H
 #define SST_BASE_CURL_H
 

@@ -1,4 +1,6 @@
 /* base/edit_distance.h - edit distance, to suggest the known word nearest to a misspelt one. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_BASE_EDIT_DISTANCE_H
 #define SST_BASE_EDIT_DISTANCE_H
 

@@ -1,4 +1,6 @@
 /* base/file.h - whole files read, files and folders written atomically: output appears complete or not at all. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_BASE_FILE_H
 #define SST_BASE_FILE_H
 

@@ -1,4 +1,6 @@
 /* Trees of folders: copies, removal, temporary files that an interrupted program left. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE
 #include <dirent.h>
 #include <errno.h>

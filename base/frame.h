@@ -1,4 +1,6 @@
 /* base/frame.h - one camera frame as delivered by the driver, with time stamps and faults. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_BASE_FRAME_H
 #define SST_BASE_FRAME_H
 

@@ -1,4 +1,6 @@
 /* base/histogram.h - counts of durations with percentiles to 1.6 %, in fixed memory. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_BASE_HISTOGRAM_H
 #define SST_BASE_HISTOGRAM_H
 

@@ -1,5 +1,7 @@
 /* base/jpeg_slot.h - the newest JPEG of one picture stream, for any number of clients that never wait for one
  * another. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_BASE_JPEG_SLOT_H
 #define SST_BASE_JPEG_SLOT_H
 

@@ -1,4 +1,6 @@
 /* base/kernel_clock.h - state of the kernel's wall clock: kept right by chrony, PTP or another program, or not. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_BASE_KERNEL_CLOCK_H
 #define SST_BASE_KERNEL_CLOCK_H
 

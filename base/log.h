@@ -1,4 +1,6 @@
 /* base/log.h - one-line messages to standard error, and the last error for callers that report it. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_BASE_LOG_H
 #define SST_BASE_LOG_H
 

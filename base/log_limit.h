@@ -1,4 +1,6 @@
 /* base/log_limit.h - warnings about network addresses: one a minute for each address, with a count of the others. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_BASE_LOG_LIMIT_H
 #define SST_BASE_LOG_LIMIT_H
 

@@ -1,4 +1,6 @@
 /* base/mem.h - aligned memory for image rows and working buffers; arrays that grow. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_BASE_MEM_H
 #define SST_BASE_MEM_H
 

@@ -1,5 +1,7 @@
 /* base/plugin.h - loads parts of the program on first use: libsst-NAME.so beside the program, or in SST_PLUGINDIR
  * (lib/sst) beside its folder. They depend on libraries that load slowly and that most runs do not need. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_BASE_PLUGIN_H
 #define SST_BASE_PLUGIN_H
 

@@ -1,4 +1,6 @@
 /* base/stats.h - sorting, medians and quantiles of small arrays. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_BASE_STATS_H
 #define SST_BASE_STATS_H
 

@@ -1,4 +1,6 @@
 /* base/text.h - texts composed of parts; their endings. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_BASE_TEXT_H
 #define SST_BASE_TEXT_H
 

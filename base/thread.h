@@ -1,4 +1,6 @@
 /* base/thread.h - parallel loops, thread names and priorities, condition variables on CLOCK_MONOTONIC. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_BASE_THREAD_H
 #define SST_BASE_THREAD_H
 

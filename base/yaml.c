@@ -1,4 +1,6 @@
 /* Tree of a document, built from libyaml's events; a construct that is not allowed ends parsing at once. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "base/yaml.h"
 
 #include <errno.h>

@@ -1,5 +1,7 @@
 /* base/yaml.h - strict YAML reader: one small document as a tree; all faults are logged together, with
  * file:line:column. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_BASE_YAML_H
 #define SST_BASE_YAML_H
 

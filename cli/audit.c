@@ -1,4 +1,6 @@
 /* sst audit: who has changed, deleted, exported and downloaded what. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdio.h>
 #include <string.h>
 

@@ -1,4 +1,6 @@
 /* sst batch: a campaign of light fields and recordings processed and rendered, shared by workers. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <dirent.h>
 #include <errno.h>
 #include <stdio.h>

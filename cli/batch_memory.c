@@ -1,5 +1,7 @@
 /* Pieces of a campaign in memory: from the frames of a set, or the views of a folder, to the pictures asked for. The
  * device, the networks and the recording stay open from piece to piece. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <fcntl.h>
 #include <math.h>

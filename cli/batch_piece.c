@@ -1,5 +1,7 @@
 /* Piece of a campaign. With a light field in its output it is made by the commands that a user would type, each a
  * process of its own, so that one that crashes or runs out of memory ends nothing else; without one, in memory. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* sst calibrate: corners, solution, light, report; and the check of a calibration that is in use. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <signal.h>

@@ -1,4 +1,6 @@
 /* sst calibration: show a calibration in any known format, or convert it to another. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,4 +1,6 @@
 /* sst cameras: lists connected cameras with identity, position in the array and state. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <ctype.h>
 #include <dirent.h>
 #include <errno.h>

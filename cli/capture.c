@@ -1,4 +1,6 @@
 /* sst capture: dispatches to the kind of capture. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "cli/cli_internal.h"
 
 #include <stdio.h>

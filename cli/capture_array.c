@@ -1,4 +1,6 @@
 /* sst capture array: records framesets of all cameras and accounts for every frame. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <inttypes.h>
 #include <jansson.h>

@@ -1,4 +1,6 @@
 /* sst capture rig: one camera stepped over a grid by a motor rig. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <jansson.h>
 #include <linux/videodev2.h>

@@ -1,4 +1,6 @@
 /* Answers of the service, read with a doubt about each member and shown to people. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>

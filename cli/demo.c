@@ -1,5 +1,7 @@
 /* sst demo: the service on simulated arrays; with --once the whole way from a scene to a see-through picture, with the
  * commands that a user would type. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

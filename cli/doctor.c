@@ -1,4 +1,6 @@
 /* sst doctor: checks of all that capturing needs; each finding is one sentence with its remedy. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "cli/cli_internal.h"
 #include "cli/doctor_internal.h"
 

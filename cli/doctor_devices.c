@@ -1,4 +1,6 @@
 /* Checks of cameras, USB, trigger lines and the rig's bus. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <grp.h>
 #include <stdio.h>

@@ -1,4 +1,6 @@
 /* cli/doctor_internal.h - findings of sst doctor, and the checks that make them. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CLI_DOCTOR_INTERNAL_H
 #define SST_CLI_DOCTOR_INTERNAL_H
 

@@ -1,4 +1,6 @@
 /* sst doctor --law: retention and privacy of a configuration, age of stored items; docs/use/law.md explains. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <dirent.h>
 #include <errno.h>
 #include <jansson.h>

@@ -1,4 +1,6 @@
 /* Device of the service's live picture: the one of the configuration, and the steps that fall back to the CPU. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,4 +1,6 @@
 /* Checks of the machine: disk, limits, clock, camera driver. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE
 #include <errno.h>
 #include <fcntl.h>

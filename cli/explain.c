@@ -1,4 +1,6 @@
 /* Explanation of a picture: maps and weights of the reference view, and the rays of one pixel. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,4 +1,6 @@
 /* cli/find_internal.h - moments of `sst find`: sets of views of one light field, or light fields of one world. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CLI_FIND_INTERNAL_H
 #define SST_CLI_FIND_INTERNAL_H
 

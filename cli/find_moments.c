@@ -1,4 +1,6 @@
 /* Moments of `sst find`: views of each moment of a light field, light fields of one world. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "cli/find_internal.h"
 
 #include <errno.h>

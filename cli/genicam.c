@@ -1,4 +1,6 @@
 /* GenICam cameras: their list, and their part of sst doctor. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

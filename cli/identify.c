@@ -1,4 +1,6 @@
 /* sst identify: takes a picture of every camera, to identify its position. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <jansson.h>
 #include <stdio.h>

@@ -1,4 +1,6 @@
 /* sst import poses, sst import pictures: light fields with a pose for every view. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "cli/cli_internal.h"
 
 #include <errno.h>

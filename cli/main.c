@@ -1,4 +1,6 @@
 /* sst: the command line. One file per subcommand; this one dispatches. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <malloc.h>
 #include <signal.h>
 #include <stdio.h>

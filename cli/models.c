@@ -1,4 +1,6 @@
 /* sst models: installed networks, their fitness for use, and the contents of one. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <dirent.h>
 #include <errno.h>
 #include <stdio.h>

@@ -1,4 +1,6 @@
 /* Networks on a device: counts of their runs there, for people and programs. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 
 #include "base/log.h"

@@ -1,4 +1,6 @@
 /* sst plan: predicts which cameras can stream together, and the rates of live pictures. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdio.h>
 #include <string.h>
 

@@ -1,4 +1,6 @@
 /* cli/plan_internal.h - the part of `sst plan` about live pictures. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CLI_PLAN_INTERNAL_H
 #define SST_CLI_PLAN_INTERNAL_H
 

@@ -1,5 +1,7 @@
 /* Rates of live pictures of an array without a lattice: the live pipeline runs on invented pictures that change wholly
  * from set to set. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,5 +1,7 @@
 /* cli/posed_internal.h - pictures of light fields with a pose for every view: the part of `sst render` and `sst sweep`.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CLI_POSED_INTERNAL_H
 #define SST_CLI_POSED_INTERNAL_H
 

@@ -1,4 +1,6 @@
 /* One line, or an object, about a posed light field. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "cli/cli_internal.h"
 
 #include <math.h>

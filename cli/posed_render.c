@@ -1,4 +1,6 @@
 /* `sst render` and `sst sweep` of light fields with a pose for every view. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

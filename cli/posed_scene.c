@@ -1,4 +1,6 @@
 /* Light fields with a pose for every view, opened for rendering: their camera and surface. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

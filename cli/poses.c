@@ -1,4 +1,6 @@
 /* sst poses: find or refine the poses of light fields from their pictures. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "cli/cli_internal.h"
 
 #include <errno.h>

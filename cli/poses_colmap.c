@@ -1,4 +1,6 @@
 /* Poses of a light field's pictures by an installed COLMAP. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "cli/cli_internal.h"
 
 #include <errno.h>

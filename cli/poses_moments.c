@@ -1,5 +1,7 @@
 /* Poses of one light field whose moments are of one array: the world of all pictures, then the array's shape at each
  * moment. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "cli/cli_internal.h"
 
 #include <errno.h>

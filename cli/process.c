@@ -1,4 +1,6 @@
 /* sst process: labels and disparity for all views of a light field. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <fcntl.h>
 #include <math.h>

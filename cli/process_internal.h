@@ -1,4 +1,6 @@
 /* cli/process_internal.h - processing of light fields, of folders by `sst process` and in memory by `sst batch`. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CLI_PROCESS_INTERNAL_H
 #define SST_CLI_PROCESS_INTERNAL_H
 

@@ -1,4 +1,6 @@
 /* sst record: recordings of the service: start, stop, list, download, deletion. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>

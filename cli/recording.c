@@ -1,4 +1,6 @@
 /* sst recording: contents of a recording, skew of its cameras, and damage. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* sst rectify: attach a calibration to a light field of raw frames, or resample it. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "cli/cli_internal.h"
 
 #include <math.h>

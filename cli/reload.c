@@ -1,4 +1,6 @@
 /* sst reload: the service reads its configuration again, or reports the changes that this would make. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>

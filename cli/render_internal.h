@@ -1,4 +1,6 @@
 /* cli/render_internal.h - options, input and output of rendered pictures, shared by the commands that render. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CLI_RENDER_INTERNAL_H
 #define SST_CLI_RENDER_INTERNAL_H
 

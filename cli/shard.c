@@ -1,5 +1,7 @@
 /* Shards, pieces of work that several processes share on one machine or many: each is claimed, done once, and taken
  * over from a process that ended without finishing it. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,4 +1,6 @@
 /* cli/shard_internal.h - pieces of work that processes share, and the campaigns made of them. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CLI_SHARD_INTERNAL_H
 #define SST_CLI_SHARD_INTERNAL_H
 

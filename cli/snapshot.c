@@ -1,4 +1,6 @@
 /* sst snapshot: the picture of now, to a file or kept with its light field. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>

@@ -1,4 +1,6 @@
 /* sst stereo: disparity of one rectified pair. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <string.h>
 

@@ -1,4 +1,6 @@
 /* sst topology: prints the tree of USB controllers, hubs and cameras. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdio.h>
 #include <stdlib.h>
 

@@ -1,5 +1,7 @@
 /* client/client.h - client of the service's HTTP API: JSON, files, lines and picture streams, over its UNIX socket or
  * TCP. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CLIENT_CLIENT_H
 #define SST_CLIENT_CLIENT_H
 

@@ -1,4 +1,6 @@
 /* config/array.h - configuration of the array and of capturing: the keys that both sst capture and sstd read. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CONFIG_ARRAY_H
 #define SST_CONFIG_ARRAY_H
 

@@ -1,4 +1,6 @@
 /* config/config_internal.h - parsing of configuration files, and checks between values. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CONFIG_CONFIG_INTERNAL_H
 #define SST_CONFIG_CONFIG_INTERNAL_H
 

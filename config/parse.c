@@ -1,4 +1,6 @@
 /* Values of one document, parsed by the table of keys and checked one by one. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <arpa/inet.h>
 #include <math.h>
 #include <string.h>

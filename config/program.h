@@ -1,4 +1,6 @@
 /* config/program.h - beginning of sstd and of its publishers: options, log, configuration. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CONFIG_PROGRAM_H
 #define SST_CONFIG_PROGRAM_H
 

@@ -1,5 +1,7 @@
 /* config/schema.h - the table of all keys of sstd.yaml: source of parsing, defaults, reload classes and the manual page,
  * which explains each as docs/man/keys.txt does. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CONFIG_SCHEMA_H
 #define SST_CONFIG_SCHEMA_H
 

@@ -1,4 +1,6 @@
 /* Configuration files, read in order over the defaults. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "config/sstd.h"
 
 #include <dirent.h>

@@ -1,4 +1,6 @@
 /* config/sstd.h - the configuration of sstd: /etc/sst/sstd.yaml and the files of conf.d beside it. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CONFIG_SSTD_H
 #define SST_CONFIG_SSTD_H
 

@@ -1,4 +1,6 @@
 /* Zones and masks: their corners, and the file of the zones drawn on the page. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* sstd: the service. Options, signals, notices to systemd; the rest is in daemon/service. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE /* pipe2 */
 #include <errno.h>
 #include <fcntl.h>

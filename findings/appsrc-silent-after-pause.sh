@@ -2,6 +2,8 @@
 # GStreamer 1.22 (appsrc): a live appsrc asks once for a buffer and waits. From PLAYING to PAUSED it goes on waiting, and from PAUSED to
 # PLAYING it does not ask again: a need-data callback that returns without a buffer because of the pause is never called
 # again, and the pipeline is PLAYING and silent.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../scripts/finding.sh"
 unpack libgstreamer-plugins-base1.0-0=1.22.0-3+deb12u7 libgstreamer-plugins-base1.0-dev=1.22.0-3+deb12u7
 cat >pause.c <<'C'

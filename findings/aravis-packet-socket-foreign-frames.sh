@@ -3,6 +3,8 @@
 # filter is set, so packets of other cameras of that network that come in between are in its queue: their frames are delivered as this
 # camera's, mostly incomplete, and its own frames are discarded as late where the others' numbers are higher, for seconds.
 # ARV_GV_STREAM_OPTION_PACKET_SOCKET_DISABLED avoids it.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../scripts/finding.sh"
 [ "$(id -u)" -eq 0 ] || { echo "network namespaces and packet sockets need root"; exit 2; }
 unpack libaravis-0.8-0=0.8.26-1 libaravis-dev=0.8.26-1 aravis-tools=0.8.26-1

@@ -2,6 +2,8 @@
 # COLMAP 3.8: the numbers of images and cameras in a database (IMAGE_ID, CAMERA_ID) follow neither the names of the files nor the order of
 # reading, but the order in which threads finish with them: the same command numbers the same folder otherwise from run to run, and a large first
 # picture comes last. With `--SiftExtraction.num_threads 1` they follow the names. A model made by hand must have the database's numbers.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../scripts/finding.sh"
 unpack colmap=3.8-1 $(needed_by colmap)
 /usr/bin/python3 - <<'P'

@@ -1,5 +1,7 @@
 /* develop FILE: what LibRaw makes of a raw picture with the camera's white balance and without automatic brightness: the
  * pixel at 52,52, red, green and blue. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <libraw/libraw.h>
 #include <stdio.h>
 

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """dng.py FILE LEVEL R G B [no-neutral]: a DNG of 64x64 Bayer samples of 12 bits (WhiteLevel 4095), all LEVEL but for a patch of these
 colours in its upper left quarter; with AsShotNeutral 1 1 1, or without."""
 import struct

@@ -2,6 +2,8 @@
 # gphoto2 2.5.28: where the file of `--capture-image-and-download` exists and nobody answers the question whether to overwrite it, the old
 # file stays, the new picture stays on the camera, a series ends, and the status is 0. A script that goes by the status takes
 # the old file for the picture. `--get-all-files` ends with 1 in the same place. --force-overwrite, or a name with a number, cannot meet it.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../scripts/finding.sh"
 unpack gphoto2=2.5.28-2 libgphoto2-6=2.5.30-1 libgphoto2-port12=2.5.30-1 libgphoto2-dev=2.5.30-1 libcdk5nc6 libaa1 libpopt0
 cat >captures.c <<'C'

@@ -3,6 +3,8 @@
 # hashes a register that holds the address of the stream's state instead of input, so that whether the bytes behind it are found
 # again depends on where the state lies in memory. The stream is valid and unpacks to the input in each case. Level 0 gives the
 # same bytes everywhere.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../scripts/finding.sh"
 [ "$(uname -m)" = x86_64 ] || { echo "only for x86-64"; exit 2; }
 unpack libisal2=2.30.0-5 libisal-dev=2.30.0-5

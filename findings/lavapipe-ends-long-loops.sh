@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # Mesa 22.3.6 (lavapipe on llvmpipe): all loops of an invocation of a shader, one after the other and nested ones together, make 65,535
 # passes in sum. Then each loop that runs or begins is left, without an error or a message; results are what was summed by then.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../scripts/finding.sh"
 unpack mesa-vulkan-drivers=22.3.6-1+deb12u2 libvulkan1=1.3.239.0-1 libvulkan-dev=1.3.239.0-1 glslang-tools
 cat >loops.comp <<'G'

@@ -3,6 +3,8 @@
 # bytes of a chunked body counts as inactivity of the client. Where it is longer than MHD_OPTION_CONNECTION_TIMEOUT, the connection is closed at the
 # moment when the callback returns its bytes, which are lost, though the client waited all the time. An earlier piece of the body does
 # not help. MHD_set_connection_option(..._TIMEOUT, 0) and then the wanted value, after the wait, begins a new period.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../scripts/finding.sh"
 unpack libmicrohttpd12=0.9.75-6 libmicrohttpd-dev=0.9.75-6
 cat >wait.c <<'C'

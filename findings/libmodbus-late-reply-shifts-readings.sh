@@ -3,6 +3,8 @@
 # the next read of the same unit and number of registers returns it at once, without an error. Its own reply is left for the request after
 # it: all later readings are those of the request before. An RTU reply bears no address by which it could be told. Discarding
 # the input before each request (modbus_flush) prevents it where the reply has come by then.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../scripts/finding.sh"
 unpack libmodbus5=3.1.6-2.1+deb12u1 libmodbus-dev=3.1.6-2.1+deb12u1
 cat >late.c <<'C'

@@ -2,6 +2,8 @@
 # libmosquitto and mosquitto 2.0.11: a message above the broker's max_packet_size (2,000,000 bytes by default from 2.1 on) is reported as
 # published, by mosquitto_publish() and by on_publish(), and ends the connection. With QoS 1 the library sends it again after
 # each reconnection, and each one ends. With MQTT 5 the broker states its limit and mosquitto_publish() refuses (25).
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../scripts/finding.sh"
 unpack mosquitto=2.0.11-1.2+deb12u2 libmosquitto1=2.0.11-1.2+deb12u2 libmosquitto-dev=2.0.11-1.2+deb12u2 libcjson1 libdlt2 libwrap0
 cat >size.c <<'C'

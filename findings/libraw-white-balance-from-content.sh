@@ -2,6 +2,8 @@
 # LibRaw 0.20.2 (and 0.21.4): a DNG without AsShotNeutral, which is optional, gets a white balance measured in the picture although
 # `use_camera_wb` is set and `use_auto_wb` is not; nothing reports it. Grey becomes coloured by what is elsewhere in the
 # picture, so views of one scene get different colours. `use_camera_wb = 0` for such files takes the matrix's daylight.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../scripts/finding.sh"
 unpack libraw20=0.20.2-2.1+deb12u2 libraw-dev=0.20.2-2.1+deb12u2 liblcms2-2 libjpeg62-turbo
 cp "$here/develop.c" . && compile develop -lraw_r

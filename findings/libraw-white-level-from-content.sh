@@ -2,6 +2,8 @@
 # LibRaw 0.20.2 (and 0.21.4): the brightest sample of a picture replaces the white level of the file once it is above three quarters of
 # it (`adjust_maximum_thr`, 0.75), also with `no_auto_bright` and the camera's white balance. Pictures of one camera, equally exposed,
 # differ by up to a third in linear light as soon as one shows a bright spot. `adjust_maximum_thr = 0` turns it off.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../scripts/finding.sh"
 unpack libraw20=0.20.2-2.1+deb12u2 libraw-dev=0.20.2-2.1+deb12u2 liblcms2-2 libjpeg62-turbo
 cp "$here/develop.c" . && compile develop -lraw_r

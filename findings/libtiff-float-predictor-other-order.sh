@@ -2,6 +2,8 @@
 # libtiff 4.5.0: floats that are written with the floating-point predictor (3) in the byte order that is not the machine's ("wb" on a
 # little-endian one) are stored swapped, without an error: swapping comes before the predictor, which swaps for itself. With predictor 1, or in
 # the machine's order, the same numbers come back.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../scripts/finding.sh"
 unpack libtiff6=4.5.0-6+deb12u4 libtiff-dev=4.5.0-6+deb12u4
 ln -sf libtiff.so.6 "$lib/libtiff.so"

@@ -2,6 +2,8 @@
 # mosquitto 2.0.11: a client whose connection dies without a reset (cable, power, NAT) and that connects again with another client id
 # publishes `online`, retained. The broker notices the dead connection after one and a half keep-alives, publishes its will, `offline`,
 # retained, and that stays although the client is connected. With the same client id the broker ends the old connection at once.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../scripts/finding.sh"
 unpack mosquitto=2.0.11-1.2+deb12u2 mosquitto-clients=2.0.11-1.2+deb12u2 libmosquitto1=2.0.11-1.2+deb12u2 libcjson1 libdlt2 libwrap0
 cat >will.py <<'P'

@@ -2,6 +2,8 @@
 # npm onvif 0.8.3 (Cam.getAudioSources): a camera without audio answers GetAudioSources of ONVIF's Media service by a response without
 # elements, which the service's WSDL allows (AudioSources, minOccurs 0). The client then fails by a TypeError in its own callback in place of an empty
 # list; GetOSDs with the same kind of answer is fine. So a test that calls all of its functions names a camera without audio as broken.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../scripts/finding.sh"
 command -v node >/dev/null && command -v npm >/dev/null || { echo "node and npm are not installed"; exit 2; }
 npm install --silent --no-audit --no-fund onvif@0.8.3 >npm.log 2>&1 || { echo "onvif 0.8.3 cannot be installed: $(tail -n 1 npm.log)"; exit 2; }

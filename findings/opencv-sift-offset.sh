@@ -2,6 +2,8 @@
 # OpenCV 4.6 (features2d): places of SIFT features are a quarter of a pixel too far right and down, with pixel centres on integers. The picture
 # is doubled so that pixels' corners stay, and places found there are halved as if centres did. Between features alone the
 # offset cancels; beside corners, calibrations or other detectors it does not.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../scripts/finding.sh"
 unpack libopencv-features2d406=4.6.0+dfsg-12 python3-opencv=4.6.0+dfsg-12
 cat >sift.py <<'P'

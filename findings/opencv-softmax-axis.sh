@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # OpenCV 4.6 (dnn): a Softmax of an ONNX file without the attribute `axis` runs over axis 1 in every opset. Since opset 13 the default is the
 # last axis: a valid file with Softmax between two Transposes gives other numbers, without a word. Written out, the axis is respected.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../scripts/finding.sh"
 unpack libopencv-dnn406=4.6.0+dfsg-12 python3-opencv=4.6.0+dfsg-12
 cat >axis.py <<'P'

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Shared by both training scripts: images, disparity files, light fields, seeds and checkpoints."""
 import os
 import random

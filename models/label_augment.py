@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Training pictures for labels: crops, and what makes them differ from the drives that they were taken on."""
 import io
 

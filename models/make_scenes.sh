@@ -2,6 +2,8 @@
 # Writes the light fields for training: make_scenes.sh SST FOLDER SCENE...
 # Seeds 100..120 are for training, 150..157 for choosing and fitting; 1..20 are left to tests and never written here.
 # Existing light fields are kept.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -eu
 sst=$1 folder=$2
 shift 2

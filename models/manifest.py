@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Updates models/manifest.json: sizes and hashes of the listed files, and the figures given on the command line.
 
   models/manifest.py                                   sizes and hashes after a file has changed

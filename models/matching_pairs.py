@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Rectified pairs with known disparity, degraded as by the cameras of a real array."""
 import os
 from dataclasses import dataclass

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Writes the networks as ONNX files, and runs the files with torch to verify them."""
 import numpy as np
 import onnx

@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """
 Find the ranges of a network's values and write them into its file, so that `sst` can run it on 8 bits. The weights and
 runs on floats do not change.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Stereo pairs with exact disparity: textured, slanted planes in layers, drawn with no outside data."""
 from dataclasses import dataclass
 

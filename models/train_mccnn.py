@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """
 Trains the matching network: siamese 3x3 convolutions, unit-length features, cost = -dot product
 (Zbontar and LeCun 2016, "fast" architecture; design.md, 5.2). Whole crops go through the network, so one pass serves

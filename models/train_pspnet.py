@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """
 Trains the segmentation network: a compact dilated residual network at 1/8, pyramid pooling at four levels (Zhao et al.
 2017; design.md, 5.1) and a light decoder to 1/4. Learns the 23 classes of pipeline/image/classes.c from simulated scenes

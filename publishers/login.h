@@ -1,5 +1,7 @@
 /* publishers/login.h - user and password of a publisher that listens: their file, Digest challenges, and limits on
  * guessing by address. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PUBLISHERS_LOGIN_H
 #define SST_PUBLISHERS_LOGIN_H
 

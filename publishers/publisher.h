@@ -1,4 +1,6 @@
 /* publishers/publisher.h - shared by the publisher programs: options, configuration, events of the service. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PUBLISHERS_PUBLISHER_H
 #define SST_PUBLISHERS_PUBLISHER_H
 

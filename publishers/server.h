@@ -1,5 +1,7 @@
 /* publishers/server.h - publisher that listens for clients: reports to the service, and begins again when its part of
  * the configuration has changed. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PUBLISHERS_SERVER_H
 #define SST_PUBLISHERS_SERVER_H
 

@@ -2,6 +2,8 @@
  *
  * cc example.c $(pkg-config --cflags --libs sst-read) -o example && ./example scene.lf picture.ppm
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

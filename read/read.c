@@ -1,4 +1,6 @@
 /* libsst-read: light fields of sst for other programs. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "read/sst/read.h"
 
 #include <errno.h>

@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # The public headers as a Markdown list, one line each: what its first comment says after "path - ". api_index.sh
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -eu
 cd "$(dirname "$0")/.."
 for folder in base config drivers capture pipeline daemon client publishers cli simulators; do

@@ -1,4 +1,6 @@
 /* Prints the tables of routes, of fields and of the configuration as JSON, for scripts/openapi.py and config_man.py. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <jansson.h>
 
 #include "config/schema.h"

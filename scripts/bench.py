@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Measure time against error from scratch and renew the tables and charts of docs/measured/: `make bench`, `make bench-quick`.
 
 Times are measured at the best level of the processor and, in turn with it, at AVX2 where that is less; errors once. Raw figures go to BUILD/bench/ (a file per part, and all of them with commit, flags and processor as bench.json), tables and

@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Measure calibration against known truth and renew docs/measured/bench-calibration.md and its charts: bench_calib.py.
 
 Corners are made up (tests/calib_truth.h): 6x6 cameras of 2000x1500 px, 100 frames of a board with 150 points, 0.1 px of

@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Name the stages that became slower than the committed baseline.
 
 A stage's time counts relative to reference loops (build/bench/check) that ran in turn with it, so that a loaded or slower

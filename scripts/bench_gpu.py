@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Measure pictures, matching and networks on every device against the CPU, interleaved in
 one run, and renew docs/measured/gpu.md.
 

@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Measure the segmentation networks: `make bench-networks`. Renews docs/measured/bench-labels.md and its charts.
 
 Runs the product (`sst segment --prob`, `sst process`) with every pspnet-*.onnx of models/ on CamVid's validation part and

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """How far each stage is from what the machine can do: the page bench-limits and its chart."""
 import json
 import os

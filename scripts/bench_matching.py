@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Measure matching costs on pairs with known disparity, all through `sst stereo`, and renew docs/measured/bench-matching.md.
 
 A network is judged on a pair that it has not seen: models/leave-one-out/ has one for each Middlebury pair. Compared

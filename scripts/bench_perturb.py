@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Error against perturbation: what each thing that is wrong with the pictures costs, and at which strength it is noticed.
 
 Renews docs/measured/bench-perturb.md and its charts; `make bench-perturb` runs this. What is measured stays in

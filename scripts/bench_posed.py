@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Measure light fields with a pose for every view and renew docs/measured/bench-posed.md: bench_posed.py [--arrays DIR] [--thermal DIR].
 
 Simulated forests and flights with exact truth; of public data, kept outside the tree: --arrays a folder of SET1, SET2, ... with ten pictures

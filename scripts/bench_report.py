@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Tables (Markdown) and charts (SVG, PNG) of what scripts/bench.py measured: bench_report.py BUILD/bench."""
 import json
 import math

@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Measure the networks by precision, time beside error, and renew docs/measured/bench-runner.md and its chart: bench_runner.py.
 
 Raw figures go to BUILD/bench/runner.json. Figures whose data or network this machine lacks are named and left out.

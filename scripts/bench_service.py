@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Measure the service on simulated arrays: rate, latency, processor time, memory; writes docs/measured/bench-service.md.
 
 The processor time of the simulation is that of its own process, and reported apart. With --soak MINUTES instead: faults are set and

@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Measure how long the service takes to stop, in what it may be doing, beside busy loops that want every core.
 
 Each line is a state: the times of its stops in ms, and what the log says of them. After --kill also from the start after

@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Measure detection behind simulated foliage and renew docs/measured/bench-watch.md and its chart: bench_watch.py.
 
 Runs build/bench/watch on worlds of simulators/scene/hedge.h: cover, wind, light and distance vary. Each world is one process; its

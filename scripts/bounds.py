@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Write docs/measured/bounds.md: run the tests that hold kernels and formulas to their bounds, and list the largest errors."""
 import argparse
 import os

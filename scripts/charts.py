@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Tables and pages (Markdown) and charts (SVG, PNG by gnuplot) of figures that were measured."""
 import csv
 import math

@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Check the documentation: links and anchors of all pages, citations of design.md, paths and functions of architecture.md.
 
 check_docs.py   prints each fault as FILE:LINE: sentence; exit status 1 if there is one.

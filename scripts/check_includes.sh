@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # Code depends one way (design.md, 2: cli, daemon > drivers, pipeline > base). That headers compile alone is the Makefile's.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 cd "$(dirname "$0")/.."
 bad=0

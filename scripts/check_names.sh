@@ -9,6 +9,8 @@
 # - in pipeline/method/ only device*.c and device*.h name devices: the others describe steps, which the runner (pipeline/step/) places.
 # Exceptions: headers that bring a library's types (*_dnnl.h, rtsp_*.h) or C++ (opencv_*.h) into a few files of a folder,
 # the templates and parts of kernels, and programs' own tables (cli, daemon/main).
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 cd "$(dirname "$0")/.." || exit 1
 build=${SST_BUILD:-build}

@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Count stand-ins for nouns in comments: what, who, whose, those, that of, of that, of them, likewise. Part of `make check-names`.
 
 check_words.py [--base COMMIT] [--list]
@@ -41,7 +43,11 @@ def files():
 
 
 def comments(path):
-    """Text of comments by line number."""
+    """Text of comments by line number, but for tags of copyright and licence."""
+    return {number: text for number, text in all_comments(path).items() if "SPDX-" not in text}
+
+
+def all_comments(path):
     with open(path, encoding="utf8", errors="replace") as f:
         text = f.read()
     lines = {}

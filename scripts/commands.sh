@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # commands.sh FILE : C source of cli_manuals[] (cli/cli_internal.h) from a file with "=== NAME" and the lines of its
 # summary for each command, then "--- usage", "--- detail" where there is more to say, and "--- example".
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -eu
 echo '#include "cli/cli_internal.h"'
 echo 'const struct cli_manual cli_manuals[] = {'

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Completions for zsh and fish, from the table of commands and from --help: scripts/man.py writes them beside those for bash."""
 import re
 

@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Write docs/man/sstd.yaml.5 from the table of keys, which api_tables prints, their texts in docs/man/keys.txt, and
 docs/man/sstd.yaml.5.in.
 

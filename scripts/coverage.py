@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """coverage.py BUILD: statements and branches that were run, by folder, from gcov's data of a build with --coverage."""
 import collections
 import json

@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # deps.sh [LIST | --missing LIST]: install the packages of scripts/packages.txt, or of that list, that are missing; or only
 # print them. Needs root or sudo only when something is missing.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -eu
 cd "$(dirname "$0")/.."
 print=

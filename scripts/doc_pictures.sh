@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # Make the pictures of docs/ with the program itself: doc_pictures.sh [DATA]. Needs imagemagick for shrinking and joining.
 # DATA holds lf-shop-6x6, lf-stanford-chess-6x6 and lf-hci-backgammon-6x6; without it only the simulated scenes are made.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -eu
 cd "$(dirname "$0")/.."
 data=${1:-../shared/data}

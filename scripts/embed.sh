@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # embed.sh TABLE HEADER FILE... : C source of a table that HEADER declares, with the names and bytes of these files in it.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -eu
 table=$1 header=$2
 shift 2

@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Bill of materials and provenance of a build, and checks of both: the same bytes for the same build.
 
 evidence.py sbom --build DIR -o FILE                  CycloneDX 1.6: programs, libraries that they link with or load, networks, page

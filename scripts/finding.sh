@@ -1,5 +1,7 @@
 # Sourced by findings/*.sh: a temporary folder, pinned packages unpacked into it, and how a finding ends.
 # shellcheck shell=bash
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 tmp=$(mktemp -d)

@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # findings.sh [NAME...]: run findings/*.sh, or those named, one after the other, and count what they say.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 cd "$(dirname "$0")/.." || exit 1
 [ $# -gt 0 ] || set -- $(cd findings && ls -- *.sh)

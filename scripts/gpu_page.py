@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """The page docs/measured/gpu.md: its sections, which are replaced one by one."""
 import os
 

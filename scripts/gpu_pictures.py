@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Pictures on a device against the CPU's, for scripts/bench_gpu.py: of light fields with true maps, of raw frames, and
 with verified rays in little memory."""
 import json

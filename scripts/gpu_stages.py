@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Stages of `sst process` on a device against the CPU, and what its time goes into, for scripts/bench_gpu.py."""
 import json
 import os

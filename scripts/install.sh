@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # install.sh install|uninstall: installs or removes what was built; one list for both. From make:
 # BUILD, PREFIX, SYSCONFDIR, DESTDIR, and PLUGINDIR, UNITDIR, UDEVDIR, ZSHDIR. A configuration that was changed stays in both cases.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -eu
 verb=$1
 cd "$(dirname "$0")/.."

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Figures of labels with probabilities: IoU, calibration, accuracy against coverage."""
 import numpy as np
 

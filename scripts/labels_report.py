@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """docs/measured/bench-labels.md and its charts from what scripts/bench_labels.py measured."""
 from charts import COLOURS, cpu_name, draw, number, page, table, write_page
 

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Pictures with true labels that scripts/bench_labels.py measures on, and what it measures on light fields."""
 import glob
 import json

@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Write what comes from the table of commands: the man page sst.1 (into docs/man/sst.1.in) and the completions for bash, zsh and
 fish; and those of the other programs, from their --help.
 

@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Which pixels of a narrow light field are off by more than 0.07 and 0.03 px, as JSON: narrow_kinds.py LF.
 
 All views with a map in LF/truth count together. A pixel is of the first kind that fits: edge (within 3 px of a step of

@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Write daemon/web/openapi.json and docs/integrate/status.md from the tables of fields and routes, and from the
 hand-written part daemon/publish/openapi.in.json.
 

@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Takes the pictures of docs/use/page.md from a running demo: page_pictures.py page|story ADDRESS [OUT]
 
 ADDRESS is the one that the demo prints, with its token.

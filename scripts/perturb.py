@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Copies of a light field with one thing wrong: what `make bench-perturb` measures against the unperturbed one.
 
 Each perturbation takes the views as {(row, col): float array [height][width][3], 0..255} and a seeded generator.

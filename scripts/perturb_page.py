@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """What `make bench-perturb` measures, and its page: docs/measured/bench-perturb.md and charts."""
 import os
 import subprocess

@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Fill the rows of README's figures that scripts/bench.py measured: readme_figures.py BUILD/bench [README].
 
 A row is known by how it begins; its cells become: best level, AVX2, what it is compared with. Rows whose part was not

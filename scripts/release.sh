@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # A release in build/release: source archive, bill of materials, provenance, hashes, and a tag where a key is configured
 # (docs/design/release.md). release.sh [BUILD]   exit status 1 with a sentence where it cannot be made; nothing is left then.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -eu
 cd "$(dirname "$0")/.."
 build=${1:-build}

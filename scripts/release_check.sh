@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # Version of the release: Makefile, CHANGELOG, README, man pages and the example of the API name one version, and so does a tag of this
 # commit. release_check.sh [FOLDER]   each difference is a sentence; exit status 1 if there is one.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 cd "${1:-$(dirname "$0")/..}" || exit 1
 bad=0

@@ -8,6 +8,8 @@
 # report of a sanitizer in any process of a test fails it, even if the test did not notice. RETRIES=N: a test that fails is run
 # up to N times again, for limits of time that a busy machine may miss. Attempts that tests repeat themselves ("attempt N:
 # why"), limits not judged in the end ("not judged: why") and such runs are counted, and named before the last line.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 cd "$(dirname "$0")/.." || exit 1
 export SST_BUILD="${SST_BUILD:-build}"

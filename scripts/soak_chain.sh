@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # soak_chain.sh PROGRAM HOURS SEED: random chains on all processors until the time is over; fails at the first that is bad.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 # Where the build has traps, all of them (tests/traps.h).
 export SST_TRAP_ALL=1

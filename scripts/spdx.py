@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Copyright and licence of each file, as tags of SPDX behind its first comment. Tracked files alone; no network.
 
 spdx.py          names files without tags that .reuse/dep5 does not cover; exit status 1 if there are any
@@ -17,13 +19,16 @@ TAGS = ("SPDX-" + "FileCopyrightText: " + HOLDER, "SPDX-" + "License-Identifier:
 HEAD = 32000  # bytes in which reuse looks for tags
 STAR = (".c", ".h", ".cc", ".css")
 SLASH = (".js", ".comp", ".glsl")
-HASH = (".sh", ".py", ".yaml", ".conf", ".in", ".rules", ".socket", ".supp", "Makefile", "Kbuild", "run", "init", ".clang-format", ".gitignore")
+HASH = (".sh", ".py", ".yaml", ".toml", ".conf", ".in", ".rules", ".socket", ".supp", "Makefile", "Kbuild", "run", "init", ".clang-format", ".gitignore")
 ANGLE = (".md", ".html")
 NO_TAGS = ("LICENSE", "LICENSES/*", ".reuse/*")  # reuse leaves them out
 
 
 def tracked():
-    out = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True).stdout.decode()
+    done = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=False)
+    if done.returncode:
+        sys.exit(0)  # an archive, which was checked when it was made
+    out = done.stdout.decode()
     return [f for f in out.split("\0") if f and os.path.isfile(os.path.join(ROOT, f)) and not os.path.islink(os.path.join(ROOT, f))]
 
 

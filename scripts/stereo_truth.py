@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Convert the truth of the Middlebury pairs to PFM (px, inf unknown): stereo_truth.py DATA OUT."""
 import os
 import sys

@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Count what makes code hard to read, in the C sources without tests, and guard limits. Part of `make check-names`.
 
 structure.py [--list] [FOLDER...]

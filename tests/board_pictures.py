@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Compare detections of a chessboard with OpenCV's, and calibrations from both: board_pictures.py FILE FOLDER."""
 import json
 import sys

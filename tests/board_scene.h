@@ -1,4 +1,6 @@
 /* tests/board_scene.h - exact pictures of calibration boards: through a lens, blurred, noisy. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_BOARD_SCENE_H
 #define SST_TESTS_BOARD_SCENE_H
 

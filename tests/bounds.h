@@ -1,5 +1,7 @@
 /* tests/bounds.h - the largest error of a kernel or formula, held to its bound, and the line that `make bounds`
  * collects. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_BOUNDS_H
 #define SST_TESTS_BOUNDS_H
 

@@ -2,6 +2,8 @@
  * tests/calib_solution.h - a synthetic calibration solution with random residuals, to test reports of solutions;
  * nothing is solved here. Everything follows from the settings and the seed.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_CALIB_SOLUTION_H
 #define SST_TESTS_CALIB_SOLUTION_H
 

@@ -2,6 +2,8 @@
  * tests/calib_truth.h - a synthetic array, boards in front of it, and the corners that its cameras see: exact truth
  * for calibration. Everything follows from the settings and the seed.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_CALIB_TRUTH_H
 #define SST_TESTS_CALIB_TRUTH_H
 

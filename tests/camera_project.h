@@ -1,4 +1,6 @@
 /* Points in rig axes projected to pixels by a calibrated camera. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_CAMERA_PROJECT_H
 #define SST_TESTS_CAMERA_PROJECT_H
 

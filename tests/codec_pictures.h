@@ -1,4 +1,6 @@
 /* tests/codec_pictures.h - drawn pictures, and files of given bytes, for the tests of readers and writers. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_CODEC_PICTURES_H
 #define SST_TESTS_CODEC_PICTURES_H
 

@@ -1,4 +1,6 @@
 /* tests/deep_read.h - levels of a picture file, or its size and kind. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_DEEP_READ_H
 #define SST_TESTS_DEEP_READ_H
 

@@ -6,6 +6,8 @@
  * for, so that the program may free what it used.
  *
  * Devices and their queues have the loader's table in common, whose address is at the start of either object. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <pthread.h>
 #include <stdbool.h>
 #include <stdio.h>

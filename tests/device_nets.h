@@ -1,4 +1,6 @@
 /* tests/device_nets.h - small networks that run on a device and on the CPU, and how far their results are apart. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_DEVICE_NETS_H
 #define SST_TESTS_DEVICE_NETS_H
 

@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """A service that answers as docs/integrate/api.md says, on a UNIX socket: for tests of its clients.
 
 fake_service.py SOCKET [TCP_PORT_FILE]; what it was told goes to SOCKET.log, a line of JSON each. The file SOCKET.mode

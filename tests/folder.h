@@ -1,4 +1,6 @@
 /* tests/folder.h - a folder for a test program's files, removed with them at the end. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_FOLDER_H
 #define SST_TESTS_FOLDER_H
 

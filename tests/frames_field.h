@@ -1,4 +1,6 @@
 /* tests/frames_field.h - pictures of raw frames that a device rectifies, or samples, against those of the CPU. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_FRAMES_FIELD_H
 #define SST_TESTS_FRAMES_FIELD_H
 

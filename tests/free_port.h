@@ -1,4 +1,6 @@
 /* tests/free_port.h - a port of the loopback that nobody has. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_FREE_PORT_H
 #define SST_TESTS_FREE_PORT_H
 

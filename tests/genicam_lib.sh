@@ -1,5 +1,7 @@
 # Sourced by tests of GenICam cameras after lib.sh: processes of arv-fake-gv-camera-0.8, one network namespace each, on one bridge.
 # Afterwards: space (the array's namespace, 10.88.0.1/24), camera, cable, in_array, end_cameras.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 need aravis
 fake=$(command -v arv-fake-gv-camera-0.8) || skip "no arv-fake-gv-camera-0.8 (package aravis-tools)"
 [ "$(id -u)" -eq 0 ] || skip "network namespaces need root"

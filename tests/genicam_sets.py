@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Sets of a recording of fake GenICam cameras: whether frames of other triggers are in them, by the cameras' own word.
 
 Pixel (0, 0) of a frame is its number modulo 255, and each camera logs when it exposes a number. A set is mixed if two of its frames

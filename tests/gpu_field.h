@@ -1,4 +1,6 @@
 /* tests/gpu_field.h - small light fields with everything in them that a device must render as the CPU does. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_GPU_FIELD_H
 #define SST_TESTS_GPU_FIELD_H
 

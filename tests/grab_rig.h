@@ -1,4 +1,6 @@
 /* tests/grab_rig.h - cameras of a simulated session under sst_grab, with what they did; for tests and benchmarks. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_GRAB_RIG_H
 #define SST_TESTS_GRAB_RIG_H
 

@@ -1,4 +1,6 @@
 # Sourced after tests/lib.sh by tests of several hosts: simulated nodes and a head on this machine. Names are of nodes, or head.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 build=$root/${SST_BUILD:-build}
 port=${port:-$((22000 + $$ % 1000))} # below those that the system gives; of several tests at once
 rows=${rows:-2} cols=${cols:-2} size=${size:-[320, 240]} width=${width:-320} height=${height:-240} rate=${rate:-10}

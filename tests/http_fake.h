@@ -1,4 +1,6 @@
 /* tests/http_fake.h - a fake service behind the real HTTP server, and a client that can misbehave. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_HTTP_FAKE_H
 #define SST_TESTS_HTTP_FAKE_H
 

@@ -1,5 +1,7 @@
 # Sourced after tests/lib.sh by scripts that run on Mesa's software device, and on no other: without Vulkan they are skipped, without
 # the device they fail, for shaders that nobody runs are not tested.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 need vulkan
 driver=$(compgen -G '/usr/share/vulkan/icd.d/lvp_icd*.json' | head -n 1)
 [ -n "$driver" ] || { fail "no lavapipe: install mesa-vulkan-drivers"; exit 1; }

@@ -1,5 +1,7 @@
 # Sourced by tests/system/*.sh: finds the program, works in a folder that goes at the end, and judges refusals.
 # Afterwards: $root (the repository), $sst, $tmp (the current folder), $failed.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 cd "$(dirname "${BASH_SOURCE[0]}")/.." || exit 1
 root=$PWD
 sst=$PWD/${SST_BUILD:-build}/sst

@@ -1,4 +1,6 @@
 /* tests/link_session.h - head and nodes in one process, over TLS on the loopback; the test makes the sets. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_LINK_SESSION_H
 #define SST_TESTS_LINK_SESSION_H
 

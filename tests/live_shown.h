@@ -1,4 +1,6 @@
 /* tests/live_shown.h - a live light field without cameras: its views and maps are those of a simulated scene. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_LIVE_SHOWN_H
 #define SST_TESTS_LIVE_SHOWN_H
 

@@ -1,6 +1,8 @@
 /* tests/live_truth.h - compares a label of the live maps with the truth of a simulated world, and formats the result.
  *
  * For tools and benches. One zone counts: all of the picture below the simulator's strip. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_LIVE_TRUTH_H
 #define SST_TESTS_LIVE_TRUTH_H
 

@@ -1,4 +1,6 @@
 /* Zones of the live engine. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_LIVE_ZONE_H
 #define SST_TESTS_LIVE_ZONE_H
 

@@ -1,4 +1,6 @@
 /* tests/match_field.h - small light fields that a device must match as the CPU does. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_MATCH_FIELD_H
 #define SST_TESTS_MATCH_FIELD_H
 

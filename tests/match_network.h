@@ -1,4 +1,6 @@
 /* tests/match_network.h - light fields that are matched by the features of ow_feature_network(). */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_MATCH_NETWORK_H
 #define SST_TESTS_MATCH_NETWORK_H
 

@@ -1,5 +1,7 @@
 /* tests/moving_square.h - a small light field in which a square moves before a wall, followed by pipeline/live/scene.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_MOVING_SQUARE_H
 #define SST_TESTS_MOVING_SQUARE_H
 

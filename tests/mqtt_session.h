@@ -1,5 +1,7 @@
 /* tests/mqtt_session.h - sst-mqtt between a fake service and a real broker (mosquitto), with a subscriber that hears
  * everything. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_MQTT_SESSION_H
 #define SST_TESTS_MQTT_SESSION_H
 

@@ -1,4 +1,6 @@
 /* tests/network_bench.h - for tests of the network runner: images, graphs that are run at once, plain convolutions. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_NETWORK_BENCH_H
 #define SST_TESTS_NETWORK_BENCH_H
 

@@ -1,5 +1,7 @@
 /* Loaded before a test of which tests/special.txt says that it has one thread: ends it when its own code starts
  * another. Libraries may (OpenBLAS does at its start): the thread sanitizer would not see into theirs. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <dlfcn.h>
 #include <errno.h>
 #include <link.h>

@@ -1,4 +1,6 @@
 /* tests/onnx_writer.h - writes small ONNX files byte by byte, so that tests need no other tool. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_ONNX_WRITER_H
 #define SST_TESTS_ONNX_WRITER_H
 

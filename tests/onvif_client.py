@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """An ONVIF client of the tests: onvif_client.py PORT USER PASSWORD [FOUND]. Searches, asks what recorders ask in the order in which they
 do, and prints the address of the stream. Ends with 1 at the first answer that they could not use."""
 import base64

@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """openapi.py SOCKET: do the service's answers have exactly the members, of the types, that its openapi.json describes?
 A member that is described as null, or that only some answers have (`role`), may be absent there. Prints what differs."""
 import json

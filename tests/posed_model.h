@@ -1,4 +1,6 @@
 /* tests/posed_model.h - a small model of posed pictures with known projections, by arithmetic of its own. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_POSED_MODEL_H
 #define SST_TESTS_POSED_MODEL_H
 

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """push_server.py FOLDER CERT KEY: a push service that keeps what it is sent: FOLDER/N.json has path and headers, FOLDER/N.body the
 message. The last part of the path is the answer's status; "503-201" is 503 the first time. Writes its port to FOLDER/port."""
 import http.server

@@ -1,5 +1,7 @@
 /* tests/quick.h - time limits of tests: exact under `make check-timing`, which sets SST_TIMING and needs a quiet
  * machine. Otherwise half a minute longer, so that a busy machine fails no test but a hang still does. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_QUICK_H
 #define SST_TESTS_QUICK_H
 

@@ -1,4 +1,6 @@
 /* tests/random.h - seeded random numbers: those of simulators/scene/noise.h, and the normal distribution. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_RANDOM_H
 #define SST_TESTS_RANDOM_H
 

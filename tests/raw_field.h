@@ -1,5 +1,7 @@
 /* tests/raw_field.h - a light field of raw frames from simulated cameras with known faults, rectified and as it is, and
  * the exact picture that refocusing it should give. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_RAW_FIELD_H
 #define SST_TESTS_RAW_FIELD_H
 

@@ -1,4 +1,6 @@
 /* tests/recording_tests.h - what the tests of recordings share: a folder per test, a small array, comparisons. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_RECORDING_TESTS_H
 #define SST_TESTS_RECORDING_TESTS_H
 

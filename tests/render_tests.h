@@ -1,4 +1,6 @@
 /* tests/render_tests.h - how many dispatches a device has in the tests of a renderer that opens it. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_RENDER_TESTS_H
 #define SST_TESTS_RENDER_TESTS_H
 

@@ -1,4 +1,6 @@
 /* tests/render_views.h - light fields of a few pixels, set one by one or random, and pictures of them. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_RENDER_VIEWS_H
 #define SST_TESTS_RENDER_VIEWS_H
 

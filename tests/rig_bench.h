@@ -1,4 +1,6 @@
 /* tests/rig_bench.h - simulated drives, the driver on them, and a camera that writes into each frame where it was. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_RIG_BENCH_H
 #define SST_TESTS_RIG_BENCH_H
 

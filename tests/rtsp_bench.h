@@ -1,5 +1,7 @@
 /* tests/rtsp_bench.h - sst-rtsp on a service with synthetic pictures, and clients: ffmpeg, and one that can misbehave.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_RTSP_BENCH_H
 #define SST_TESTS_RTSP_BENCH_H
 

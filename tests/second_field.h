@@ -1,4 +1,6 @@
 /* tests/second_field.h - views whose maps lack a surface, for the second pass and the carrying of maps on a device. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_SECOND_FIELD_H
 #define SST_TESTS_SECOND_FIELD_H
 

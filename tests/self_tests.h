@@ -1,4 +1,6 @@
 /* tests/self_tests.h - how many dispatches a device has in the self-tests of a kind of work. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_SELF_TESTS_H
 #define SST_TESTS_SELF_TESTS_H
 

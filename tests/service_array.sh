@@ -1,4 +1,6 @@
 # Sourced after tests/service_lib.sh: a 6x6 array of small simulated cameras in a session that stays while services come and go.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 log=sstd.log
 
 cat >sstd.yaml <<YAML

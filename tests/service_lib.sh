@@ -1,5 +1,7 @@
 # Sourced after tests/lib.sh by tests of the running service: its status, its end. They set `daemon`, its process, and
 # `log`, its journal. A question without an answer within a minute ends the test with the service's stacks (ask.sh).
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 build=$root/${SST_BUILD:-build}
 export SST_SOCKET=$tmp/c.sock
 daemon=

@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Look with OpenCV for the boards in frames of simulated worlds, and compare with the truth: sim_boards.py FOLDER."""
 import json
 import sys

@@ -1,4 +1,6 @@
 /* tests/sim_session.h - runs a test program on simulated devices and sets faults of them. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_SIM_SESSION_H
 #define SST_TESTS_SIM_SESSION_H
 

@@ -1,4 +1,6 @@
 /* tests/sim_test.h - simulated worlds for tests: a temporary folder, world files in it, decoded frames. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_SIM_TEST_H
 #define SST_TESTS_SIM_TEST_H
 

@@ -1,4 +1,6 @@
 /* tests/sim_truth.h - true positions of points in a simulated world's pictures, and detected corners. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_SIM_TRUTH_H
 #define SST_TESTS_SIM_TRUTH_H
 

@@ -1,5 +1,7 @@
 /* tests/small.h - tests that sanitized builds leave out, which are 3 (address) to 30 times (thread) as slow. make
  * sets SST_TEST_SMALL to 1 for the address and to 2 for the thread sanitizer; without it all is run. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_SMALL_H
 #define SST_TESTS_SMALL_H
 

@@ -1,4 +1,6 @@
 /* tests/storage_bench.h - storage on a folder of its own, fed with synthetic sets. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_STORAGE_BENCH_H
 #define SST_TESTS_STORAGE_BENCH_H
 

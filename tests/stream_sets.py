@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """stream_sets.py SOCKET [FILE]: watches the service's main picture until SIGTERM, and prints as JSON how many pictures of sets came, which set numbers are missing between the first and the last, and the longest time without a new one. FILE gets a line
 for each picture: seconds since the start, set."""
 import json

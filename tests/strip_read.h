@@ -1,4 +1,6 @@
 /* tests/strip_read.h - what the strip of a simulated frame says. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_STRIP_READ_H
 #define SST_TESTS_STRIP_READ_H
 

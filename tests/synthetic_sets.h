@@ -1,4 +1,6 @@
 /* tests/synthetic_sets.h - sets whose bytes follow from their index, so that a reader can tell what was written. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_SYNTHETIC_SETS_H
 #define SST_TESTS_SYNTHETIC_SETS_H
 

@@ -1,4 +1,6 @@
 /* tests/test.h - cmocka, with the headers that it needs before it, the choice of tests by name, and one more assertion. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_TEST_H
 #define SST_TESTS_TEST_H
 

@@ -1,4 +1,6 @@
 /* tests/traps.h - floating-point exceptions end the program: invalid operations, divisions by zero, overflow. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_TRAPS_H
 #define SST_TESTS_TRAPS_H
 

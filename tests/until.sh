@@ -1,6 +1,8 @@
 #!/bin/sh
 # until.sh CONDITION: waits until a condition of the shell holds, a minute at most. `streaming N`: at least N cameras of the
 # simulated session stream; `held LINE PROGRAM`: a program has that line of the trigger's chip.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 streaming() { [ "$("${SST_BUILD:-build}/sst-sim" status --json | grep -o '"streaming":true' | wc -l)" -ge "$1" ]; }
 held() { gpioinfo sst-trigger | grep -q "\"$1\" *\"$2\""; }
 root=$(cd "$(dirname "$0")/.." && pwd)

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """A WebSocket client (RFC 6455) with the standard library alone, which can misbehave; and the H.264 that the service sends over it."""
 import base64
 import hashlib

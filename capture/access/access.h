@@ -1,4 +1,6 @@
 /* capture/access/access.h - named tokens of the service in a file, and the audit log beside it. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CAPTURE_ACCESS_ACCESS_H
 #define SST_CAPTURE_ACCESS_ACCESS_H
 

@@ -1,4 +1,6 @@
 /* capture/access/access_internal.h - owners of the files of this folder. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CAPTURE_ACCESS_ACCESS_INTERNAL_H
 #define SST_CAPTURE_ACCESS_ACCESS_INTERNAL_H
 

@@ -1,4 +1,6 @@
 /* Audit log: a line of JSON for each action, in a file of bounded size and the one before it. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>

@@ -1,4 +1,6 @@
 /* File of named tokens: JSON, which only the service and root can read. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>

@@ -1,5 +1,7 @@
 /* capture/array/array_internal.h - faults of each camera's frames, logged when they start and when they end; the
  * cameras of this host as a source. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CAPTURE_ARRAY_ARRAY_INTERNAL_H
 #define SST_CAPTURE_ARRAY_ARRAY_INTERNAL_H
 

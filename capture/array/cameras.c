@@ -1,5 +1,7 @@
 /* The cameras of this host as a source: V4L2 ones by drivers/grab, GenICam ones by drivers/genicam, with the indices of
  * the array. They report by events of their own: their frames have no index. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

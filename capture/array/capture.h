@@ -1,5 +1,7 @@
 /* capture/array/capture.h - capture of framesets from the array: cameras, trigger and frame synchronisation run on one
  * thread, a writer on another. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CAPTURE_ARRAY_CAPTURE_H
 #define SST_CAPTURE_ARRAY_CAPTURE_H
 

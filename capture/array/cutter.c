@@ -1,4 +1,6 @@
 /* Cutter of split JPEGs for the cameras of this host. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 
 #include "base/text.h"

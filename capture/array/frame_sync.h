@@ -1,5 +1,7 @@
 /* capture/array/frame_sync.h - frames of all cameras grouped into framesets, one per trigger; every frame is
  * accounted for. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CAPTURE_ARRAY_FRAME_SYNC_H
 #define SST_CAPTURE_ARRAY_FRAME_SYNC_H
 

@@ -1,4 +1,6 @@
 /* capture/array/masks.h - privacy masks: blocks of the cameras' frames that are black before anything else reads them. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CAPTURE_ARRAY_MASKS_H
 #define SST_CAPTURE_ARRAY_MASKS_H
 

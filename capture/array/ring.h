@@ -2,6 +2,8 @@
  *
  * Frames are copied here and released to their drivers at once. This one copy ensures that a slow or hung reader cannot
  * hold camera buffers, and that the time before an event can still be recorded. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CAPTURE_ARRAY_RING_H
 #define SST_CAPTURE_ARRAY_RING_H
 

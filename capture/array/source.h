@@ -1,5 +1,7 @@
 /* capture/array/source.h - source of an array's frames: cameras of this host, or a source that numbers its frames by
  * trigger. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CAPTURE_ARRAY_SOURCE_H
 #define SST_CAPTURE_ARRAY_SOURCE_H
 

@@ -1,4 +1,6 @@
 /* capture/calibration/calibration_internal.h - board search in one picture; callers use gather.h. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CAPTURE_CALIBRATION_CALIBRATION_INTERNAL_H
 #define SST_CAPTURE_CALIBRATION_CALIBRATION_INTERNAL_H
 

@@ -1,5 +1,7 @@
 /* capture/calibration/gather.h - input of a calibration, board corners and samples of light, gathered from folders
  * of pictures, recordings, captures of a rig or live cameras. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CAPTURE_CALIBRATION_GATHER_H
 #define SST_CAPTURE_CALIBRATION_GATHER_H
 

@@ -1,4 +1,6 @@
 /* Folders of pictures: camera and moment from the names of folders and files. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <ctype.h>
 #include <dirent.h>
 #include <errno.h>

@@ -1,4 +1,6 @@
 /* capture/evidence/evidence.h - signed manifests of exported videos: hashes of files, facts about them, and an Ed25519 signature. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CAPTURE_EVIDENCE_EVIDENCE_H
 #define SST_CAPTURE_EVIDENCE_EVIDENCE_H
 

@@ -1,4 +1,6 @@
 /* capture/evidence/evidence_internal.h - private declarations of this folder. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CAPTURE_EVIDENCE_EVIDENCE_INTERNAL_H
 #define SST_CAPTURE_EVIDENCE_EVIDENCE_INTERNAL_H
 

@@ -1,4 +1,6 @@
 /* Keys and signatures: Ed25519 (RFC 8032) by GnuTLS. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <assert.h>
 #include <errno.h>
 #include <fcntl.h>

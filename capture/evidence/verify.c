@@ -1,4 +1,6 @@
 /* Verification: signature first, then size and SHA-256 of each file. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <fcntl.h>
 #include <stdarg.h>

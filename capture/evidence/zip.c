@@ -1,4 +1,6 @@
 /* Reader of ZIP archives without compression, as daemon/storage/zip.c writes them (APPNOTE.TXT 6.3, without ZIP64). */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,5 +1,7 @@
 /* Datagrams between hosts, over DTLS 1.2 with the certificates of the TLS connection: a client of a node, a server of
  * the head, which serves all nodes by one socket. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE /* recvmmsg() */
 #include "capture/link/link_internal.h"
 

@@ -1,4 +1,6 @@
 /* Connections of nodes on the head: admission and incoming messages. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE /* accept4() */
 #include <errno.h>
 #include <poll.h>

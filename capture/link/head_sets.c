@@ -1,4 +1,6 @@
 /* Sets of sources: their memory, and their way from a connection over the numbering to capture. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdlib.h>
 #include <string.h>
 #include <sys/eventfd.h>

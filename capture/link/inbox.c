@@ -2,6 +2,8 @@
  *
  * Order costs nothing while pieces suffice: a set's datagrams are there before the next edge. A set that waits for its
  * repair holds up later ones, which may name its pictures as unchanged. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

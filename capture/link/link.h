@@ -1,6 +1,8 @@
 /* capture/link/link.h - several hosts with one array: nodes send their sets to a head, which assembles them as one.
  *
  * All hosts count the edges of one trigger; docs/use/hosts.md explains wiring, clocks and certificates. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CAPTURE_LINK_LINK_H
 #define SST_CAPTURE_LINK_LINK_H
 

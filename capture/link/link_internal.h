@@ -1,4 +1,6 @@
 /* capture/link/link_internal.h - private declarations of this folder: messages, connections, sets on both sides. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CAPTURE_LINK_LINK_INTERNAL_H
 #define SST_CAPTURE_LINK_LINK_INTERNAL_H
 

@@ -2,6 +2,8 @@
  *
  * TLS carries the node's name, its state and the fate of sets; the sets themselves go by datagrams where both hosts can
  * (node_datagrams.c), else over TLS, too. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <poll.h>
 #include <stdio.h>

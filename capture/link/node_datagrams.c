@@ -2,6 +2,8 @@
  *
  * A lost packet costs TCP, and all packets behind it, a round trip. Lost pieces cost nothing while parity lasts. Where
  * a firewall drops datagrams, sets go over TLS until another attempt succeeds. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* Sets of a node: from its queue to the head, and where their frames end. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <string.h>
 

@@ -1,4 +1,6 @@
 /* capture/link/numbering.h - one numbering of triggers for several hosts, each of which counts the same edges. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CAPTURE_LINK_NUMBERING_H
 #define SST_CAPTURE_LINK_NUMBERING_H
 

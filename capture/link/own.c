@@ -1,4 +1,6 @@
 /* Cameras of the head itself: captured by a thread of their own, their sets arrive as from one more node. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

@@ -4,6 +4,8 @@
  * matrix over GF(2^8) and rows of bytes, for every level of SIMD, chosen at run time, and leaves matrix and bookkeeping
  * to the caller. zfec is as old and slower, Jerasure is no longer maintained, and codes for long messages (LDPC,
  * RaptorQ) have no library in Debian and gain nothing at some hundred pieces. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "capture/link/pieces.h"
 
 #include <assert.h>

@@ -12,6 +12,8 @@
  * pictures 11 more do that.
  *
  * Data pieces are numbered from 0, parity piece r of block b follows as data + r * blocks + b. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CAPTURE_LINK_PIECES_H
 #define SST_CAPTURE_LINK_PIECES_H
 

@@ -4,6 +4,8 @@
  * keys, no certificates. Debian's NNG has tls+tcp, by Mbed TLS, which would be a second TLS in the service, ends at
  * TLS 1.2, and its sockets report neither the progress of their queue nor their congestion control; "every frame
  * in one place" needs the one, a lossy network the other. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "capture/link/link_internal.h"
 
 #include <arpa/inet.h>

@@ -1,4 +1,6 @@
 /* Certificates, sessions and identity of the other side, for TLS and DTLS connections of hosts. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "capture/link/link_internal.h"
 
 #include <errno.h>

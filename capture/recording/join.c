@@ -1,5 +1,7 @@
 /* Recordings that several hosts made of one array, as one: their sets are joined by trigger (capture/link/numbering.h).
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

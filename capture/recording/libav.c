@@ -1,5 +1,7 @@
 /* Functions of FFmpeg that recording calls. It brings more than a hundred libraries and is loaded by the first call, so
  * that a program that does not record starts five times as fast. Without it nothing can be opened. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "base/base.h"
 
 #include <dlfcn.h>

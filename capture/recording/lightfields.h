@@ -1,4 +1,6 @@
 /* capture/recording/lightfields.h - light fields from sets of a recording. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CAPTURE_RECORDING_LIGHTFIELDS_H
 #define SST_CAPTURE_RECORDING_LIGHTFIELDS_H
 

@@ -1,4 +1,6 @@
 /* capture/recording/mkv.h - Matroska files with one video track of untouched frames; the index comes first. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CAPTURE_RECORDING_MKV_H
 #define SST_CAPTURE_RECORDING_MKV_H
 

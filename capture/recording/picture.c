@@ -1,4 +1,6 @@
 /* Frames recorded in parts, joined with the whole frame that they belong to. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 

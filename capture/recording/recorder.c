@@ -1,5 +1,7 @@
 /* Recorder of one set at a time: bytes to the segment, sync if due, line to the manifest. A failure in between is
  * rolled back, so that the manifest never names more than the segments hold. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "capture/recording/recorder.h"
 
 #include <errno.h>

@@ -1,4 +1,6 @@
 /* capture/recording/recorder.h - recorder of raw sets: camera bytes untouched in Matroska segments, with a manifest. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CAPTURE_RECORDING_RECORDER_H
 #define SST_CAPTURE_RECORDING_RECORDER_H
 

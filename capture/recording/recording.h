@@ -1,4 +1,6 @@
 /* capture/recording/recording.h - reader of a recording: its sets, its frames' bytes, and their damage. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CAPTURE_RECORDING_RECORDING_H
 #define SST_CAPTURE_RECORDING_RECORDING_H
 

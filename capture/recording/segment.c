@@ -1,5 +1,7 @@
 /* Matroska by libavformat. av_write_frame() reads the camera's bytes in place; libavformat gathers them in one cluster
  * and passes it to write_bytes(), which keeps position and errors. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "capture/recording/recording_internal.h"
 
 #include <errno.h>

@@ -1,5 +1,7 @@
 /* Thread that syncs: a sync may take long (docs/integrate/recordings.md), and the thread that writes frames never
  * waits. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE
 #include "capture/recording/recording_internal.h"
 

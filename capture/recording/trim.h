@@ -2,6 +2,8 @@
  *
  * removed.json in a recording's folder states up to which segment its beginning was removed on purpose; lines of
  * sets.jsonl that name older segments stay and are skipped. Other missing segments are damage. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CAPTURE_RECORDING_TRIM_H
 #define SST_CAPTURE_RECORDING_TRIM_H
 

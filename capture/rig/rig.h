@@ -1,4 +1,6 @@
 /* capture/rig/rig.h - scan of a light field with one camera on a motor rig; an interrupted scan can be resumed. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CAPTURE_RIG_RIG_H
 #define SST_CAPTURE_RIG_RIG_H
 

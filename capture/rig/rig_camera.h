@@ -1,5 +1,7 @@
 /* capture/rig/rig_camera.h - camera on a rig: it grabs on its own thread, so that its stream never waits for the
  * motors. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CAPTURE_RIG_RIG_CAMERA_H
 #define SST_CAPTURE_RIG_RIG_CAMERA_H
 

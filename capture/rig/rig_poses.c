@@ -1,4 +1,6 @@
 /* Order, approach and duration of the poses. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 

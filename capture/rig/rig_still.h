@@ -1,4 +1,6 @@
 /* capture/rig/rig_still.h - a still camera on a rig: one exposure a view, its files unchanged. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_CAPTURE_RIG_RIG_STILL_H
 #define SST_CAPTURE_RIG_RIG_STILL_H
 

@@ -1,6 +1,8 @@
 /* The folder: DIR/views/rr_cc.*, of still cameras also DIR/raw/rr_cc.*; DIR/capture.jsonl, a line with the settings,
  * then a line for each view, appended and synced after the files of the view; DIR/lightfield.json at the end. The last
  * line of a view is the valid one. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE
 #include <dirent.h>
 #include <errno.h>

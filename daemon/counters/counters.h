@@ -1,4 +1,6 @@
 /* daemon/counters/counters.h - counters and problems of the publishers (HTTP, RTSP, ONVIF), for status and metrics. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_DAEMON_COUNTERS_COUNTERS_H
 #define SST_DAEMON_COUNTERS_COUNTERS_H
 

@@ -1,4 +1,6 @@
 /* daemon/events/events.h - events of the service: journal, event stream, hooks, MQTT. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_DAEMON_EVENTS_EVENTS_H
 #define SST_DAEMON_EVENTS_EVENTS_H
 

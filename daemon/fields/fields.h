@@ -1,4 +1,6 @@
 /* daemon/fields/fields.h - tables of fields: members of a structure as JSON and as metrics, with their help. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_DAEMON_FIELDS_FIELDS_H
 #define SST_DAEMON_FIELDS_FIELDS_H
 

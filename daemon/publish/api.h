@@ -1,4 +1,6 @@
 /* daemon/publish/api.h - the interface of the service that the HTTP server calls: one function per request. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_DAEMON_PUBLISH_API_H
 #define SST_DAEMON_PUBLISH_API_H
 

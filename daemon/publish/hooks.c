@@ -1,3 +1,5 @@
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE /* posix_spawn_file_actions_addclosefrom_np */
 /* Thread of the hooks: it waits for an event, the end of a program, or the request to stop.
  *

@@ -1,4 +1,6 @@
 /* daemon/publish/hooks.h - programs that are run when something happens (hooks: in sstd.yaml). */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_DAEMON_PUBLISH_HOOKS_H
 #define SST_DAEMON_PUBLISH_HOOKS_H
 

@@ -2,6 +2,8 @@
  *
  * Each connection has a thread; their number is limited (web.clients). A stream waits for its next picture, and a slow
  * call delays its own client alone. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "daemon/publish/publish_internal.h"
 
 #include <errno.h>

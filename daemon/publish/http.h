@@ -1,4 +1,6 @@
 /* daemon/publish/http.h - HTTP server of API, pictures and web page, on a UNIX socket and, with a token, on TCP. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_DAEMON_PUBLISH_HTTP_H
 #define SST_DAEMON_PUBLISH_HTTP_H
 

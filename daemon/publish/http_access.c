@@ -1,4 +1,6 @@
 /* Access of users: the identity that a proxy reports, named tokens over the API, and the audit log. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "daemon/publish/publish_internal.h"
 
 #include <arpa/inet.h>

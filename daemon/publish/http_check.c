@@ -1,4 +1,6 @@
 /* Permission of a request: everything is refused unless the table of routes allows it. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "daemon/publish/publish_internal.h"
 
 #include <stdio.h>

@@ -2,6 +2,8 @@
  *
  * Each connection has a thread of its own, which reads from the disk as the client does from the connection: a slow
  * client costs a descriptor. An answer with too few bytes is broken off, never finished as if whole. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "daemon/publish/publish_internal.h"
 
 #include <errno.h>

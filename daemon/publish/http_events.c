@@ -1,4 +1,6 @@
 /* Events: the journal as lines of JSON, and the endless stream. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE /* asprintf */
 #include "daemon/publish/publish_internal.h"
 

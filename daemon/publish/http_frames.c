@@ -1,4 +1,6 @@
 /* WebSocket frames (RFC 6455): parser of a client's frames, of which each is small, and heads of ours. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <string.h>
 
 #include <jansson.h>

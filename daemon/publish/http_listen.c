@@ -1,3 +1,5 @@
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE /* struct ucred */
 /* Sockets that are listened on: a UNIX socket under its name from one moment to the next, TCP where it may be. */
 #include <arpa/inet.h>

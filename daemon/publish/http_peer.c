@@ -1,4 +1,6 @@
 /* Client of a request: its address, headers, cookie and wrong tokens, and whether it has gone. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE /* POLLRDHUP */
 #include "daemon/publish/publish_internal.h"
 

@@ -1,4 +1,6 @@
 /* Answers: common headers, errors as one sentence, and results of the API as a status. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "daemon/publish/publish_internal.h"
 
 #include <errno.h>

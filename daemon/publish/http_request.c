@@ -1,4 +1,6 @@
 /* A request from its first byte to its last: connection, body, handler, end. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "daemon/publish/publish_internal.h"
 
 #include <netinet/tcp.h>

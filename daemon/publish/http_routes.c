@@ -1,5 +1,7 @@
 /* Table of routes and their handlers. Routes of the live picture exist below /replay as well, for the recording that is
  * played. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

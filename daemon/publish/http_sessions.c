@@ -1,5 +1,7 @@
 /* Sessions of browsers: role, address, time of login. A cookie holds the secret of one, never the token.
  * They are kept in a file beside the token's, so that sessions survive a restart of the service. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <fcntl.h>
 #include <jansson.h>

@@ -2,6 +2,8 @@
  *
  * A stream runs on the thread of its connection: it waits for the JPEG slot and writes the shared picture to the socket
  * in pieces. A slow client holds one picture and delays no other; the pictures that it misses are counted. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "daemon/publish/publish_internal.h"
 
 #include <errno.h>

@@ -2,6 +2,8 @@
  *
  * microhttpd keeps the pair that it was started with. Each connection gets the newest one when it begins, before
  * its handshake, and keeps it until it ends; the pair goes with the last connection. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "daemon/publish/publish_internal.h"
 
 #if WITH_HTTPD

@@ -1,4 +1,6 @@
 /* Named tokens: who a secret belongs to, and whether it still counts. Their file is read again when it has changed. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdio.h>
 #include <string.h>
 #include <sys/stat.h>

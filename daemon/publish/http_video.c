@@ -2,6 +2,8 @@
  *
  * It encodes the newest picture when it is due, so nothing queues before it. The last units wait in a ring; a viewer that
  * falls out of it goes on at the next key picture. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "daemon/publish/publish_internal.h"
 
 #include <errno.h>

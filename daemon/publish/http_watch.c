@@ -3,6 +3,8 @@
  * A viewer has a thread, and gets a unit when the one before is with the kernel. The kernel, proxies and the network
  * would still hold seconds of pictures: so a ping follows a unit, one at a time, and while its answer is late nothing
  * more is sent. Then the viewer goes on with the next key picture. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE /* POLLRDHUP, strcasestr */
 #include "daemon/publish/publish_internal.h"
 

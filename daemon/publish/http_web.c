@@ -1,4 +1,6 @@
 /* The page's files, which are part of the program, and the form for the token. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE /* asprintf */
 #include "daemon/publish/publish_internal.h"
 

@@ -1,4 +1,6 @@
 /* Web Push: one thread follows the events and sends. Messages wait in a bounded queue; when it is full the oldest is dropped. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "daemon/publish/push.h"
 
 #include <errno.h>

@@ -1,4 +1,6 @@
 /* daemon/publish/push.h - notifications of visits to browsers without an open page: Web Push (RFC 8030) with VAPID (RFC 8292). */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_DAEMON_PUBLISH_PUSH_H
 #define SST_DAEMON_PUBLISH_PUSH_H
 

@@ -1,4 +1,6 @@
 /* Addresses of push services: https, known hosts, no private networks (server-side request forgery). */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <arpa/inet.h>
 #include <errno.h>
 #include <netinet/in.h>

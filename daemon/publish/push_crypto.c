@@ -1,4 +1,6 @@
 /* Cryptography of Web Push: GnuTLS, and Nettle's P-256 for the agreement on a key, which GnuTLS offers since 3.8.2 only. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "daemon/publish/push_internal.h"
 
 #include <errno.h>

@@ -1,4 +1,6 @@
 /* daemon/publish/push_internal.h - private declarations of push*.c. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_DAEMON_PUBLISH_PUSH_INTERNAL_H
 #define SST_DAEMON_PUBLISH_PUSH_INTERNAL_H
 

@@ -1,4 +1,6 @@
 /* Requests to push services, by libcurl, which is loaded when the first message is sent. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "daemon/publish/push_internal.h"
 
 #include <errno.h>

@@ -1,4 +1,6 @@
 /* Subscriptions in a file that the service alone reads: its content suffices to send to the browsers. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

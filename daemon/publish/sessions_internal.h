@@ -1,4 +1,6 @@
 /* daemon/publish/sessions_internal.h - clients of the HTTP server: tokens, sessions, users of proxies, the audit log. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_DAEMON_PUBLISH_SESSIONS_INTERNAL_H
 #define SST_DAEMON_PUBLISH_SESSIONS_INTERNAL_H
 

@@ -1,4 +1,6 @@
 /* Functions of struct sst_api: the service's own, and calls of the live engine passed on. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* Verbs of struct sst_api about videos for others, and notifications. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

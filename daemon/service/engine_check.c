@@ -1,4 +1,6 @@
 /* Check of the calibration, once a day and on demand, from the pictures of the cameras, on a thread of its own. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* daemon/service/engine_internal.h - state of the live engine, shared by its files: views, requests, visits. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_DAEMON_SERVICE_ENGINE_INTERNAL_H
 #define SST_DAEMON_SERVICE_ENGINE_INTERNAL_H
 

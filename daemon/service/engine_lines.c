@@ -1,5 +1,7 @@
 /* Lines that visits cross: a crossing counts once the foot is clear of the line, so that a person who stands on it
  * crosses it once. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <string.h>
 

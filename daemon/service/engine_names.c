@@ -2,6 +2,8 @@
  * remove.
  *
  * Height at disparity d: h = h_px * B / d, B the camera spacing (from Z = f * B / d). Speeds by the same factor. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>

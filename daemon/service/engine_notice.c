@@ -1,5 +1,7 @@
 /* Notices about faulty pictures during capture: one view at a time, copied on the live thread and measured
  * on a thread of its own that yields to everything else. All views once after the start, then one every ten seconds. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

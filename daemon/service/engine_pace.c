@@ -1,5 +1,7 @@
 /* Pace of the live picture: whether the machine is too slow for the sets that come. Visits and crossings are then
  * missed, so it is a notice, an event and a figure. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdio.h>
 #include <string.h>
 

@@ -1,4 +1,6 @@
 /* Arrays without a lattice: their poses, and the surface of their pictures. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

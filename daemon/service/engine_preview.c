@@ -1,4 +1,6 @@
 /* Preview of a moment of a recording: the picture that was recorded of the main view, shown until views have their own. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdlib.h>
 #include <string.h>
 

@@ -1,4 +1,6 @@
 /* State of the live engine as status, metrics and the page show it: sets, ranges, devices, rates, labels. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "daemon/service/engine_internal.h"
 #include "daemon/service/service_internal.h"
 

@@ -1,4 +1,6 @@
 /* Figures of a live picture, as in the status and the metrics. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

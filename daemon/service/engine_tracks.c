@@ -1,4 +1,6 @@
 /* Tracks of moving objects in the live picture, for visits, for views that follow an object and for clients. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <string.h>

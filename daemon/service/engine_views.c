@@ -1,4 +1,6 @@
 /* Views: their settings and clients, and the pictures rendered for them. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

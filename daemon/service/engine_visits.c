@@ -1,5 +1,7 @@
 /* Visits from tracks of the live picture: one event when an object comes, one of the same name when it has gone.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

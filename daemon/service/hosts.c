@@ -1,4 +1,6 @@
 /* Other hosts of the array: nodes of a head, the head of a node (docs/use/hosts.md). */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdio.h>
 #include <stdlib.h>
 

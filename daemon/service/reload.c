@@ -1,4 +1,6 @@
 /* Reload: the new configuration applies as a whole, or the old one stays. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,5 +1,7 @@
 /* A recording that is played (service_internal.h). Its thread alone reads the recording, opens and closes the engine;
  * calls only leave their wishes. Locks: the engine's before the replay's. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,4 +1,6 @@
 /* daemon/service/service.h - sstd as one object: opens, updates, reloads and stops all its parts. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_DAEMON_SERVICE_SERVICE_H
 #define SST_DAEMON_SERVICE_SERVICE_H
 

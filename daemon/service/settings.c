@@ -1,3 +1,5 @@
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "daemon/service/engine_internal.h"
 #include "daemon/service/service_internal.h"
 

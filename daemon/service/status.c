@@ -1,4 +1,6 @@
 /* Status, cameras and metrics: one table of fields each for JSON, Prometheus and the descriptions of both. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <dirent.h>
 #include <errno.h>
 #include <math.h>

@@ -1,4 +1,6 @@
 /* Zones drawn on the page: read as JSON, kept as a configuration file of their own, applied by a reload. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <inttypes.h>
 #include <math.h>

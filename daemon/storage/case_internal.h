@@ -1,4 +1,6 @@
 /* daemon/storage/case_internal.h - private declarations of case*.c and zip.c. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_DAEMON_STORAGE_CASE_INTERNAL_H
 #define SST_DAEMON_STORAGE_CASE_INTERNAL_H
 

@@ -1,4 +1,6 @@
 /* Page of a case: its videos, to be opened from an unpacked archive without a network. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

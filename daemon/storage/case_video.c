@@ -1,5 +1,7 @@
 /* Video of a span: each picture stays until the next one comes, at a constant rate, without losses. The caption has the
  * time of the camera's picture; a see-through picture of another time names its own. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <fcntl.h>
 #include <math.h>

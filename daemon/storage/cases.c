@@ -1,5 +1,7 @@
 /* Cases: a queue, one thread that makes them, and their folder. A case appears in its folder whole; the rest of a killed
  * process is removed at the next start. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "daemon/storage/cases.h"
 
 #include <dirent.h>

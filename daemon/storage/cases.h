@@ -1,5 +1,7 @@
 /* daemon/storage/cases.h - videos for others: visits or spans of recordings as MP4 files, with a signed manifest, alone or as a
  * case. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_DAEMON_STORAGE_CASES_H
 #define SST_DAEMON_STORAGE_CASES_H
 

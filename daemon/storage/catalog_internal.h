@@ -1,4 +1,6 @@
 /* daemon/storage/catalog_internal.h - catalog of the storage folder: its entries, their files, and the order of removal. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_DAEMON_STORAGE_CATALOG_INTERNAL_H
 #define SST_DAEMON_STORAGE_CATALOG_INTERNAL_H
 

@@ -1,4 +1,6 @@
 /* Downloads, opened: files as they are, archives read from their files, videos made before. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "daemon/storage/download.h"
 
 #include <errno.h>

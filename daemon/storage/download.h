@@ -1,4 +1,6 @@
 /* daemon/storage/download.h - a recording, snapshot or export opened for download, read by position. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_DAEMON_STORAGE_DOWNLOAD_H
 #define SST_DAEMON_STORAGE_DOWNLOAD_H
 

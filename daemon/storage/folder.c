@@ -1,4 +1,6 @@
 /* Files of the storage folder: storage.json, scanning, clean-up and repair after a killed daemon. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE
 #include <dirent.h>
 #include <errno.h>

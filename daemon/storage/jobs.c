@@ -1,4 +1,6 @@
 /* Snapshots and exports: light fields, made one after another by the thread sst-export; calls wait for a while. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* Reduced sets: only the parts that differ from the last whole set are recorded (pipeline/image/jpeg_parts.h). */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdlib.h>
 #include <string.h>
 

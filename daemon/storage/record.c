@@ -1,4 +1,6 @@
 /* Recording thread: follows the ring set by set and writes the wanted ones. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

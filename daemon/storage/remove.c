@@ -1,5 +1,7 @@
 /* Removal, because of the limits or by a client. Runs on sst-retention, which waits for the disk; a client that deletes
  * waits for a limited time. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>

@@ -1,5 +1,7 @@
 /* Retention thread: creates and locks the folder, measures usage, removes entries beyond the limits, repairs torn
  * recordings. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE
 #include <errno.h>
 #include <fcntl.h>

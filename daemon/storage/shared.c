@@ -1,4 +1,6 @@
 /* State that the threads of storage share: waits, refusals, reserved entries and used bytes. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,4 +1,6 @@
 /* State and status of storage, from reports of the threads; nothing here waits for a disk. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>

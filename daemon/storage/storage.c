@@ -1,4 +1,6 @@
 /* Calls of the service to its storage: they read and change memory and wake threads. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE
 #include "daemon/storage/storage.h"
 

@@ -1,5 +1,7 @@
 /* daemon/storage/storage.h - storage of recordings (continuous, on event, on demand), snapshots and exports, within
  * limits of space and age. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_DAEMON_STORAGE_STORAGE_H
 #define SST_DAEMON_STORAGE_STORAGE_H
 

@@ -1,5 +1,7 @@
 /* daemon/storage/storage_internal.h - private declarations of this folder; code outside of it includes the public
  * headers. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_DAEMON_STORAGE_STORAGE_INTERNAL_H
 #define SST_DAEMON_STORAGE_STORAGE_INTERNAL_H
 

@@ -1,5 +1,7 @@
 /* Videos that clients asked for, written one after the other into files without a name: nothing is left behind, however
  * the process ends. A file stays while it is read, and a while longer: players ask for one part after the other. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <fcntl.h>
 #include <string.h>

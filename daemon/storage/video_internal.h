@@ -1,4 +1,6 @@
 /* daemon/storage/video_internal.h - downloads: a folder as a tar archive, a camera or the view of a recording as a video. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_DAEMON_STORAGE_VIDEO_INTERNAL_H
 #define SST_DAEMON_STORAGE_VIDEO_INTERNAL_H
 

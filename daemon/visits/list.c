@@ -1,4 +1,6 @@
 /* Lists of visits, and their counts by days, read from the lines on disk. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

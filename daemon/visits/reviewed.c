@@ -1,4 +1,6 @@
 /* Reviews: which users have seen to which visits, a small file of JSON in the folder of each day. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <string.h>
 #include <unistd.h>

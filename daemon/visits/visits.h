@@ -1,4 +1,6 @@
 /* daemon/visits/visits.h - visits on disk: a line of JSON and two pictures of each, in a folder for each day. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_DAEMON_VISITS_VISITS_H
 #define SST_DAEMON_VISITS_VISITS_H
 

@@ -1,4 +1,6 @@
 /* daemon/visits/visits_internal.h - shared by the files of this folder. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_DAEMON_VISITS_VISITS_INTERNAL_H
 #define SST_DAEMON_VISITS_VISITS_INTERNAL_H
 

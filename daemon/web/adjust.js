@@ -1,4 +1,6 @@
 // The drawer with the renderer's settings, described in plain words.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { $, complain, el, finite, number, setText } from "/web/ui.js";
 

@@ -1,4 +1,6 @@
 // Client of the service's API: JSON in and out, every error as one sentence.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 const TIMEOUT_MS = 10000;
 const STATUS_MS = 4000; // after a longer wait a user would mistake an old picture for a current one

@@ -1,4 +1,6 @@
 // Starts the page: one view, one status request a second, and the panels that follow them.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { Adjust } from "/web/adjust.js";
 import { get, getStatus } from "/web/api.js";

@@ -1,4 +1,6 @@
 // Boxes around all that moves, with label and distance, in every mode; and the badge of things that the clear picture is without.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { NOTHING_PX } from "/web/clear.js";
 import { $, el, finite, number, setText, storage, visible } from "/web/ui.js";

@@ -1,4 +1,6 @@
 // A month with a dot on each day on which visits came: full where some are to be reviewed, hollow where all are reviewed.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { get } from "/web/api.js";
 import { $, complain, el, setText } from "/web/ui.js";

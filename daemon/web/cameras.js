@@ -1,4 +1,6 @@
 // The grid of cameras, and the details of one camera.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { getBlob } from "/web/api.js";
 import { $, duration, el, finite, icon, number, sentence, setText, visible } from "/web/ui.js";

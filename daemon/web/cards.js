@@ -1,4 +1,6 @@
 // Cards without end in a grid: only the ones near the view are in the page, at their places.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 const ROWS_BEYOND = 2; // above and below the view
 

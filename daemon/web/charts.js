@@ -1,4 +1,6 @@
 // Lines over the last minutes, as SVG that takes its colours from the style sheet.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 const NS = "http://www.w3.org/2000/svg";
 const WIDTH = 170, HEIGHT = 74, LEFT = 26, BOTTOM = 14;

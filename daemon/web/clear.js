@@ -1,4 +1,6 @@
 // Clear picture: the cut on a slider over the histogram of depths, things removed by a tap, outline and tint.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { $, complain, finite, number, setText, toast } from "/web/ui.js";
 

@@ -1,4 +1,6 @@
 // One question before something is removed for good.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { $, onUse, setText } from "/web/ui.js";
 

@@ -1,4 +1,6 @@
 // The event log, newest first, updated live.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { clock, get, getLines } from "/web/api.js";
 import { portrait } from "/web/portrait.js";

@@ -1,4 +1,6 @@
 // Focus: the slider from near to far, Auto, and the sweep back and forth.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { $, el, finite, icon, number, setText } from "/web/ui.js";
 

@@ -1,4 +1,6 @@
 // H.264 over a WebSocket, decoded by the browser (WebCodecs). Where either does not work, JPEG is the last rung, and the reason is kept.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { ApiError } from "/web/api.js";
 

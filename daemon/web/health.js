@@ -1,4 +1,6 @@
 // Service health: the line at the top, charts, time per stage, and the counts of frames, disk space and clients.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { clock } from "/web/api.js";
 import { facts } from "/web/cameras.js";

@@ -1,4 +1,6 @@
 // Keys of the page: one table of their effects, which `?` shows, and handlers of keys that belong to no element.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { $, el } from "/web/ui.js";
 

@@ -1,4 +1,6 @@
 // Labels that can be kept clear, or removed from the clear picture: one chip for each label in the picture.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { get, source } from "/web/api.js";
 import { $, el, number, setText, swatch } from "/web/ui.js";

@@ -1,4 +1,6 @@
 // Brightness of the picture, and day or night colours of the page; both are this browser's own.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { $, storage } from "/web/ui.js";
 

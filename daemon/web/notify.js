@@ -1,4 +1,6 @@
 // Notifications of the browser and a sound when something comes, as long as a page is open, also behind other windows.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { $, forbid, onUse, storage, toast } from "/web/ui.js";
 

@@ -1,4 +1,6 @@
 // Overlays of the picture: labels or depth, with opacity, or a camera as it is.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { getBlob, source } from "/web/api.js";
 import { CAMERA } from "/web/clear.js";

@@ -1,5 +1,7 @@
 // Pictures of visitors: the part of a visit's picture around the visitor, decoded once it comes near the view and no longer than it is in the page.
 // A canvas of its size instead of an image: browsers keep the whole of an image, decoded, long after it has left the page.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { el } from "/web/ui.js";
 import { address, pictures } from "/web/visit_words.js";

@@ -1,4 +1,6 @@
 // Service worker: notifications of visits when no page is open. It is served at the root, so that its scope is the page.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 const PICTURE_MOST = 1 << 20;
 

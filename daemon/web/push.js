@@ -1,4 +1,6 @@
 // Notifications of this browser when no page is open: Web Push by the service worker push-worker.js.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { get, post } from "/web/api.js";
 import { $, complain, storage, toast } from "/web/ui.js";

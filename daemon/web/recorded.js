@@ -1,4 +1,6 @@
 // Recorded spans of time, for all parts of the page that show them: one request every ten seconds.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { get } from "/web/api.js";
 

@@ -1,4 +1,6 @@
 // Snapshots, recording, stored files, and exports of single moments as light fields.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { clock, get, post } from "/web/api.js";
 import { sureToDelete } from "/web/confirm.js";

@@ -1,5 +1,7 @@
 // A recording in the large place: from a moment on, with the same controls as the picture of now. Until it is closed all
 // requests about pictures are for the recording.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { post, source } from "/web/api.js";
 import { $, complain, finite, icon, session, setText, stopwatch, toast } from "/web/ui.js";

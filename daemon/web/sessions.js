@@ -1,4 +1,6 @@
 // Access: sessions with addresses and times, logging out and ending other sessions; named tokens.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { get, post } from "/web/api.js";
 import { $, complain, el, localTime, onUse, sentence, setText } from "/web/ui.js";

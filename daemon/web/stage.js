@@ -1,4 +1,6 @@
 // The picture: pointing, comparing, overlays, its age, and the message shown while there is none.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { Boxes } from "/web/boxes.js";
 import { CAMERA } from "/web/clear.js";

@@ -1,5 +1,7 @@
 // A moving picture on a canvas: H.264, or multipart JPEG where that fails. An <img> could show JPEG too, but would not reveal how old its
 // picture is or that the service is gone, and would keep decoding in the background.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { ApiError, clock, open } from "/web/api.js";
 import { Unusable, video, watch } from "/web/h264.js";

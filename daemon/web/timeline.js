@@ -1,4 +1,6 @@
 // A day as a strip below the picture: recordings, visits, and the moment that is played. A click plays another moment.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { get } from "/web/api.js";
 import { forget, portrait } from "/web/portrait.js";

@@ -1,4 +1,6 @@
 // Small helpers: elements, messages, numbers in words.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 export const $ = (id) => document.getElementById(id);
 

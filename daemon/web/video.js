@@ -1,4 +1,6 @@
 // Videos for others: a visit, a selection of visits, or a span of a recording, made by the service and saved by the browser.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { get, post } from "/web/api.js";
 import { $, bytes, complain, duration, el, icon, onUse, setText, toast, visible } from "/web/ui.js";

@@ -1,5 +1,7 @@
 // The page's own view on the service: created when first needed, recreated when it expired or the service restarted;
 // every change of settings is sent to it, the newest only.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { ApiError, get, post, source } from "/web/api.js";
 import { Stream } from "/web/stream.js";

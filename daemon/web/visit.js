@@ -1,4 +1,6 @@
 // One visit, large: its pictures with its way, and all that can be done with it.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { $, complain, onUse, setText } from "/web/ui.js";
 import { exportOne } from "/web/visit_actions.js";

@@ -1,4 +1,6 @@
 // Actions on visits: one table, from which the card, the selection and keys have their buttons.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { post } from "/web/api.js";
 import { sureToDelete } from "/web/confirm.js";

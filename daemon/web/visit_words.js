@@ -1,4 +1,6 @@
 // A visit in words, for cards, the large one, events and the day.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { duration, finite, localTime, number } from "/web/ui.js";
 

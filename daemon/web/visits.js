@@ -1,4 +1,6 @@
 // Visits: a card with pictures each, the newest first, without end; reviewed one after the other or many at once, also by keys alone.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { get, post } from "/web/api.js";
 import { Cards } from "/web/cards.js";

@@ -1,4 +1,6 @@
 // Zones: parts of the picture that are watched or ignored. The list of all, and one that is drawn or changed.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { get, post } from "/web/api.js";
 import { $, complain, el, finite, onUse, setText, storage, swatch, toast } from "/web/ui.js";

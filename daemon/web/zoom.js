@@ -1,4 +1,6 @@
 // Zoom and pan of the picture. Points are fractions: of the picture, or of the frame in which a part of it is shown.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 import { $, number } from "/web/ui.js";
 

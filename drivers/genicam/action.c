@@ -4,6 +4,8 @@
  *    8  device key       12  group key      16  group mask
  *   20  time of the action, 64 bits, if the highest flag is set
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <arpa/inet.h>
 #include <errno.h>
 #include <netinet/in.h>

@@ -1,4 +1,6 @@
 /* One camera on a thread of its own, since every command to it may block: search, open, trigger, watch, open again. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>

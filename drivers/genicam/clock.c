@@ -1,4 +1,6 @@
 /* Time of a camera as time of this host. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdlib.h>
 
 #include "drivers/genicam/genicam_internal.h"

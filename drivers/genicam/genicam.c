@@ -1,4 +1,6 @@
 /* All cameras of the array: their frames and states on the caller's thread. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "drivers/genicam/genicam.h"
 
 #include <arpa/inet.h>

@@ -1,5 +1,7 @@
 /* drivers/genicam/genicam.h - capture from GenICam cameras (GigE Vision, USB3 Vision): discovery, settings, trigger,
  * recovery. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_DRIVERS_GENICAM_GENICAM_H
 #define SST_DRIVERS_GENICAM_GENICAM_H
 

@@ -1,5 +1,7 @@
 /* drivers/genicam/genicam_internal.h - private declarations of this folder: pure parts, the part that loads Aravis, a
  * camera. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_DRIVERS_GENICAM_GENICAM_INTERNAL_H
 #define SST_DRIVERS_GENICAM_GENICAM_INTERNAL_H
 

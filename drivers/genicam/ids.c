@@ -1,4 +1,6 @@
 /* Frames lost, by the numbers of frames. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "drivers/genicam/genicam_internal.h"
 
 #define ID_16 65535

@@ -1,4 +1,6 @@
 /* Loader of lib_aravis.c, the part libsst-aravis.so: GLib and libxml would make every start of sst longer. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 

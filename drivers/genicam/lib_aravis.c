@@ -1,5 +1,7 @@
 /* Cameras by Aravis 0.8, the part libsst-aravis.so. Features are named by the SFNC; where GigE Vision 1 had other names,
  * both are tried. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <arv.h>
 #include <errno.h>
 #include <linux/videodev2.h>

@@ -1,4 +1,6 @@
 /* Formats of PFNC as V4L2 formats, and samples of 10 and 12 bits as 16 bits. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <linux/videodev2.h>
 #include <string.h>
 

@@ -1,4 +1,6 @@
 /* Frames as they come, on the thread that receives their packets: numbered, timed, unpacked, counted, queued. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <linux/videodev2.h>
 #include <stdlib.h>
 #include <sys/eventfd.h>

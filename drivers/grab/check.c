@@ -1,4 +1,6 @@
 /* Checks of the bytes of a frame: the size of a raw frame, the marker structure of a JPEG. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <linux/videodev2.h>
 #include <string.h>
 

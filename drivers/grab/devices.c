@@ -1,4 +1,6 @@
 /* The list of devices, each of which is opened. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "drivers/grab/grab_internal.h"
 
 #include <errno.h>

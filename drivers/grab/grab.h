@@ -1,4 +1,6 @@
 /* drivers/grab/grab.h - capture from many V4L2 cameras on one thread, with identity, hotplug and recovery. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_DRIVERS_GRAB_GRAB_H
 #define SST_DRIVERS_GRAB_GRAB_H
 

@@ -1,5 +1,7 @@
 /* Parts: several cameras in the picture of one device. Raw pictures are shared as views, JPEGs are cut. A lost or
  * damaged picture is lost or damaged for all its cameras. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <linux/videodev2.h>
 #include <stdio.h>

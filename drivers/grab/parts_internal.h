@@ -1,5 +1,7 @@
 /* drivers/grab/parts_internal.h - cameras in the picture of a device: their frames, and events for each. Only for
  * drivers/grab. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_DRIVERS_GRAB_PARTS_INTERNAL_H
 #define SST_DRIVERS_GRAB_PARTS_INTERNAL_H
 

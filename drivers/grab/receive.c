@@ -1,4 +1,6 @@
 /* Frames as received: dequeued, checked, compared with the last one, counted and passed on. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <poll.h>
 #include <stdio.h>

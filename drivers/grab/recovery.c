@@ -1,5 +1,7 @@
 /* Recovery of cameras: opening, restart, reset and closing are decided here and carried out by jobs on their threads.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

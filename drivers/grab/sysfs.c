@@ -1,4 +1,6 @@
 /* Discovery of video nodes in a build without libudev, by /dev/video* and sysfs; there are no hotplug events. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "drivers/grab/grab_internal.h"
 
 #include <dirent.h>

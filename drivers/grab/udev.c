@@ -1,4 +1,6 @@
 /* Discovery and hotplug of video nodes, by libudev. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "drivers/grab/grab_internal.h"
 
 #include <errno.h>

@@ -1,4 +1,6 @@
 /* Bus of the rig: libmodbus with bounded recovery; its own one replays writes and may never return, so it stays off. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "drivers/rig/rig_internal.h"
 
 #include <errno.h>

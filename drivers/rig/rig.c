@@ -1,4 +1,6 @@
 /* Motions: all absolute, monitored until standstill, and stopped when in doubt. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "drivers/rig/rig.h"
 
 #include <errno.h>

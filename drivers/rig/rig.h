@@ -1,4 +1,6 @@
 /* drivers/rig/rig.h - a motor rig that carries one camera over a grid, driven over Modbus. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_DRIVERS_RIG_RIG_H
 #define SST_DRIVERS_RIG_RIG_H
 

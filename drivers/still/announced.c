@@ -6,6 +6,8 @@
  * or after a busy camera), files are listened for longer, and the last ones count: a camera announces files in the
  * order of its exposures.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,4 +1,6 @@
 /* Loader of lib_gphoto.c, the part libsst-gphoto.so: libgphoto2 would make every start of sst 5 ms longer. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <string.h>
 

@@ -1,5 +1,7 @@
 /* Calls of libgphoto2, each with its errors translated: the part libsst-gphoto.so, which uses nothing of the program.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

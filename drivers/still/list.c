@@ -1,4 +1,6 @@
 /* Still cameras on the bus: devices with an interface of the still image class. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* Finding and opening a camera, and opening it again after it was unplugged or hung. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

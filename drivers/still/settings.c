@@ -1,5 +1,7 @@
 /* Settings of the camera: their names in cameras, the choice that a text stands for, setting and reading back.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <ctype.h>
 #include <errno.h>
 #include <math.h>

@@ -1,4 +1,6 @@
 /* drivers/still/still.h - a still camera over USB (PTP, by libgphoto2): settings, exposures, files to the host. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_DRIVERS_STILL_STILL_H
 #define SST_DRIVERS_STILL_STILL_H
 

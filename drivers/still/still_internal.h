@@ -1,5 +1,7 @@
 /* drivers/still/still_internal.h - private declarations of this folder; code outside of it includes the public
  * header. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_DRIVERS_STILL_STILL_INTERNAL_H
 #define SST_DRIVERS_STILL_STILL_INTERNAL_H
 

@@ -1,4 +1,6 @@
 /* GPIO of builds without libgpiod: opening a chip always fails, so the other functions are never called. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "drivers/trigger/trigger_internal.h"
 
 #include <errno.h>

@@ -1,4 +1,6 @@
 /* libgpiod 1.x: outputs are one line handle, the loop-back line is a line event beside it. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "drivers/trigger/trigger_internal.h"
 
 #include <errno.h>

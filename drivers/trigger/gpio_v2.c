@@ -1,4 +1,6 @@
 /* libgpiod 2.x: outputs and the loop-back line are one line request. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "drivers/trigger/trigger_internal.h"
 
 #include <errno.h>

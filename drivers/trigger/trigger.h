@@ -1,5 +1,7 @@
 /* drivers/trigger/trigger.h - pulses on GPIO lines that expose all cameras together, or the edges that another host's
  * pulses make on an input. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_DRIVERS_TRIGGER_TRIGGER_H
 #define SST_DRIVERS_TRIGGER_TRIGGER_H
 

@@ -13,6 +13,8 @@
  * - SuperSpeed: 90 % of a link of 5, 10 or 20 Gbit/s less its line coding, on each link up to the root port.
  * Interrupt endpoints (hubs, mice) and microphones are not counted: keep 10 % free for them.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_DRIVERS_USB_PLAN_H
 #define SST_DRIVERS_USB_PLAN_H
 

@@ -1,4 +1,6 @@
 /* Resets of a device in increasing strength: USB reset, re-authorisation, power of its hub port. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>

@@ -1,4 +1,6 @@
 /* drivers/usb/usb.h - tree of USB controllers, hubs and cameras; resets of devices, power of ports. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_DRIVERS_USB_USB_H
 #define SST_DRIVERS_USB_USB_H
 

@@ -1,4 +1,6 @@
 /* drivers/usb/usb_internal.h - private declarations of this folder; code outside of it includes the public headers. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_DRIVERS_USB_USB_INTERNAL_H
 #define SST_DRIVERS_USB_USB_INTERNAL_H
 

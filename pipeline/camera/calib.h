@@ -1,4 +1,6 @@
 /* pipeline/camera/calib.h - calibration of an array (lenses, poses, photometry) and its file, calib.yaml. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_CAMERA_CALIB_H
 #define SST_PIPELINE_CAMERA_CALIB_H
 

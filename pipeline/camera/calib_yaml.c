@@ -1,5 +1,7 @@
 /* calib.yaml: written with its own layout for readability, parsed strictly. 256 cameras make about 300 kB and 15000
  * nodes, well within the parser's limits. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* The lens model and its inverse; rotations as vectors. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <string.h>
 

@@ -1,4 +1,6 @@
 /* The table of formats, and their detection by content. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/camera/format.h"
 
 #include <stdlib.h>

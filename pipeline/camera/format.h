@@ -1,4 +1,6 @@
 /* pipeline/camera/format.h - import and export of calibrations in other tools' formats. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_CAMERA_FORMAT_H
 #define SST_PIPELINE_CAMERA_FORMAT_H
 

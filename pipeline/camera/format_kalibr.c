@@ -1,5 +1,7 @@
 /* Kalibr's camchain.yaml: pinhole cameras cam0, cam1 ...; T_cn_cnm1 takes points (metres) from the camera before into
  * this one; pixel centres on integers; radtan is k1 k2 p1 p2. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <ctype.h>
 #include <errno.h>
 #include <stdlib.h>

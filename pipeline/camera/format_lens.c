@@ -1,4 +1,6 @@
 /* Lenses in models with fewer coefficients: linear least squares over rays that cover the picture. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <string.h>

@@ -1,5 +1,7 @@
 /* mrcal's .cameramodel: a Python dictionary. rt_fromref is a rotation vector and a translation in metres that take
  * points from the reference into the camera; pixel centres on integers; lenses as OpenCV's. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/camera/format_parts.h"
 
 #define METRE_MM 1000.0

@@ -1,6 +1,8 @@
 /* multical's calibration.json: cameras by name (image_size, K, dist in OpenCV's order, model) and camera_poses, which
  * take points from the rig's axes ("NAME") or from another camera ("NAME_to_OTHER") into the camera: X = R X' + T,
  * metres; pixel centres on integers. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <jansson.h>
 #include <math.h>

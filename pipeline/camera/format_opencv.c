@@ -1,6 +1,8 @@
 /* OpenCV's calibrations: a file of cv::FileStorage for each camera, ROS's camera_info of the same form, and the pair of
  * files of its stereo sample. Pixel centres on integers; X_camera = R X + T; lengths have no unit, so mm unless said.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <dirent.h>
 #include <errno.h>
 #include <stdlib.h>

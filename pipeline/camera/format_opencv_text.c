@@ -1,5 +1,7 @@
 /* Text of cv::FileStorage as plain YAML. Its YAML begins with a non-standard directive and has tags; its XML
  * is rewritten element by element into flow mappings. Line numbers are preserved for error messages. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

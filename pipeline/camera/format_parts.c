@@ -1,4 +1,6 @@
 /* Grid of cameras from a tool's list of cameras, and helpers of all writers. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/camera/format_parts.h"
 
 #include <ctype.h>

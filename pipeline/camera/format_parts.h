@@ -1,4 +1,6 @@
 /* pipeline/camera/format_parts.h - helpers shared by the readers and writers of calibration files. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_CAMERA_FORMAT_PARTS_H
 #define SST_PIPELINE_CAMERA_FORMAT_PARTS_H
 

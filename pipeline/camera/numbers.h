@@ -1,4 +1,6 @@
 /* pipeline/camera/numbers.h - normal equations of least squares, shared by formats, detection, solver and checks. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_CAMERA_NUMBERS_H
 #define SST_PIPELINE_CAMERA_NUMBERS_H
 

@@ -1,4 +1,6 @@
 /* pipeline/eval/eval.h - error measures against truth: disparity, labels, pictures. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_EVAL_EVAL_H
 #define SST_PIPELINE_EVAL_EVAL_H
 

@@ -1,4 +1,6 @@
 /* pipeline/eval/evaluation.h - evaluation of a light-field folder against a truth folder. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_EVAL_EVALUATION_H
 #define SST_PIPELINE_EVAL_EVALUATION_H
 

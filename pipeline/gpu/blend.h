@@ -8,6 +8,8 @@
  * SST_GPU_BLEND_WEIGHT: Vulkan allows a division to be off by 2.5 units in the last place, and small numbers to become
  * 0. On devices that round as the CPU does both are equal.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_GPU_BLEND_H
 #define SST_PIPELINE_GPU_BLEND_H
 

@@ -3,6 +3,8 @@
  * All numbers are integers, and equal those of sst_disparity_check_views() and sst_fill_views() on every device. All
  * shaders have groups of 32 x 8 pixels.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_GPU_CHECK_H
 #define SST_PIPELINE_GPU_CHECK_H
 

@@ -12,6 +12,8 @@
  * (pipeline/kernels/place_patch.h), which may differ from the CPU's by 1/256 px; near the fold of a lens by more, or be
  * missing.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_GPU_CLEAR_H
 #define SST_PIPELINE_GPU_CLEAR_H
 

@@ -3,6 +3,8 @@
  *
  * All numbers are integers. Groups of 32 x 8 pixels.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_GPU_CONVERT_H
 #define SST_PIPELINE_GPU_CONVERT_H
 

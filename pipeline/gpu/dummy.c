@@ -4,6 +4,8 @@
  * Faults: lost=N the N-th dispatch finds the device lost; timeout=N it does not answer; memory=N MiB of it all there
  * is; buffer=N KiB is the largest buffer; wrong=N the results of the N-th dispatch are wrong.
  * dot=1, matrix=1, subgroup=1: it has what these variants need; 2: it is slow. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdatomic.h>
 #include <stdio.h>

@@ -1,4 +1,6 @@
 /* Choice of a device, limits of its memory, its shaders and their variants; the rest is passed on to the back end. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE /* strcasestr */
 #include "pipeline/gpu/gpu.h"
 

@@ -3,6 +3,8 @@
  * Two back ends: Vulkan 1.2, whose loader is opened at run time, and a dummy device that computes nothing and fails on
  * request. How they fit together: docs/design/gpu.md.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_GPU_GPU_H
 #define SST_PIPELINE_GPU_GPU_H
 

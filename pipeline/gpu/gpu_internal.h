@@ -1,4 +1,6 @@
 /* pipeline/gpu/gpu_internal.h - back ends, the table of shaders, the cache of pipelines and verdicts. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_GPU_GPU_INTERNAL_H
 #define SST_PIPELINE_GPU_GPU_INTERNAL_H
 

@@ -7,6 +7,8 @@
  *
  * Steps are disparities in units of 1 / divisor px above the smallest one of the view.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_GPU_MATCH_H
 #define SST_PIPELINE_GPU_MATCH_H
 

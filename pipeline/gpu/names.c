@@ -1,4 +1,6 @@
 /* Names of kinds of devices and of errors, for messages. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 
 #include "pipeline/gpu/gpu.h"

@@ -9,6 +9,8 @@
  * for the CPU (pipeline/method/network/plan_conv.c): convolutions on 8 bits equal it byte for byte, convolutions on
  * floats as far as oneDNN sums in this order, which it does where a pixel has few inputs.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_GPU_NET_H
 #define SST_PIPELINE_GPU_NET_H
 

@@ -6,6 +6,8 @@
  * Between pixels a place may differ from the CPU's by 1/256 px, since that adds up the fraction of a column from
  * another pixel on.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_GPU_RECTIFY_H
 #define SST_PIPELINE_GPU_RECTIFY_H
 

@@ -1,4 +1,6 @@
 /* Shaders by number: names, and abilities that variants need. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/gpu/gpu_internal.h"
 
 #define X(NAME, name) [SST_GPU_##NAME] = { #name },

@@ -3,6 +3,8 @@
  *
  * They hold for one device, driver, build of the program, CPU and choice of variants: a file of another key is not
  * read. Refusals are not kept, and are found again. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE /* dl_iterate_phdr, environ */
 #include <elf.h>
 #include <link.h>

@@ -11,6 +11,8 @@
  * All give the bits of their references: sums are whole numbers, or of floats in a fixed order, and quotients are
  * rounded to the nearest number. So pictures differ from the reference as those of `blend` do.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_GPU_VERIFY_H
 #define SST_PIPELINE_GPU_VERIFY_H
 

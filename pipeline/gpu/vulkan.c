@@ -2,6 +2,8 @@
  *
  * The library is opened when the first device is asked for: a start of the program without one does not pay for it, and
  * needs none. Library and instance stay to the end of the process: drivers that are unloaded and loaded again leak. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/gpu/gpu_internal.h"
 
 #if !WITH_VULKAN

@@ -1,4 +1,6 @@
 /* What Vulkan devices can do beyond version 1.2: looked up when they are listed, enabled when they are opened. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/gpu/gpu_internal.h"
 
 #include <stdlib.h>

@@ -3,6 +3,8 @@
  * Commands are gathered. A batch runs when its part of the staging memory or its pool of descriptors is full, while the
  * host gathers the next one; on a wait or a download all of them are waited for. Each command waits for the one before:
  * they are few, and each fills the device. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/gpu/gpu_internal.h"
 
 #include <errno.h>

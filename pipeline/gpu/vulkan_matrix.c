@@ -1,4 +1,6 @@
 /* The shader of products of matrices: what a shape is compiled for, and the types that glslang cannot write. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/gpu/gpu_internal.h"
 #include "pipeline/gpu/net.h"
 

@@ -2,6 +2,8 @@
  *
  * Values and layouts are those of the Vulkan specification.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_GPU_VULKAN_MATRIX_H
 #define SST_PIPELINE_GPU_VULKAN_MATRIX_H
 

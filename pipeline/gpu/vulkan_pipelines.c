@@ -1,4 +1,6 @@
 /* Shaders of a Vulkan device: modules from the binaries of the build, pipelines, and their cache on disk. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/gpu/gpu_internal.h"
 
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* What each shader takes on a Vulkan device: timestamps around dispatches, added up and logged when the device is closed. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/gpu/gpu_internal.h"
 
 #include <stdlib.h>

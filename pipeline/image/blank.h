@@ -1,4 +1,6 @@
 /* pipeline/image/blank.h - black blocks in a camera's frame: samples of a raw frame, coefficients of a JPEG. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_IMAGE_BLANK_H
 #define SST_PIPELINE_IMAGE_BLANK_H
 

@@ -1,4 +1,6 @@
 /* pipeline/image/classes.h - class lists: names and colours of labels. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_IMAGE_CLASSES_H
 #define SST_PIPELINE_IMAGE_CLASSES_H
 

@@ -1,4 +1,6 @@
 /* pipeline/image/codec.h - reading and writing of images and maps. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_IMAGE_CODEC_H
 #define SST_PIPELINE_IMAGE_CODEC_H
 

@@ -1,4 +1,6 @@
 /* pipeline/image/codec_formats.h - decoders of one format each, from memory; codec.c and deep.c select by content. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_IMAGE_CODEC_FORMATS_H
 #define SST_PIPELINE_IMAGE_CODEC_FORMATS_H
 

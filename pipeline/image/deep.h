@@ -1,4 +1,6 @@
 /* pipeline/image/deep.h - pictures of 8 or 16 bits and one or three channels as they are, without rounding. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_IMAGE_DEEP_H
 #define SST_PIPELINE_IMAGE_DEEP_H
 

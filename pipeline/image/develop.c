@@ -1,4 +1,6 @@
 /* LibRaw, loaded when it is first used: few captures have raw files. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/image/develop.h"
 
 #include <errno.h>

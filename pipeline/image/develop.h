@@ -1,4 +1,6 @@
 /* pipeline/image/develop.h - raw files of still cameras, developed to pictures by LibRaw. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_IMAGE_DEVELOP_H
 #define SST_PIPELINE_IMAGE_DEVELOP_H
 

@@ -1,5 +1,7 @@
 /* Blur of a picture's sharpest edges: an edge that is blurred again by a known width loses the less the wider it was
  * (Zhuo and Sim 2011). The sharpest edges do not depend on the scene, but for views out of focus. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdlib.h>
 

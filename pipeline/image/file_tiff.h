@@ -1,5 +1,7 @@
 /* pipeline/image/file_tiff.h - a TIFF file in memory that is read or written by libtiff, which is loaded when it is
  * first needed. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_IMAGE_FILE_TIFF_H
 #define SST_PIPELINE_IMAGE_FILE_TIFF_H
 

@@ -1,4 +1,6 @@
 /* pipeline/image/font.h - a 5x7 bitmap font for captions and simulated objects, and pens that draw with it. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_IMAGE_FONT_H
 #define SST_PIPELINE_IMAGE_FONT_H
 

@@ -1,4 +1,6 @@
 /* pipeline/image/heights.h - terrain: a grid of heights, of a file. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_IMAGE_HEIGHTS_H
 #define SST_PIPELINE_IMAGE_HEIGHTS_H
 

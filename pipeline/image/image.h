@@ -1,4 +1,6 @@
 /* pipeline/image/image.h - planar images and maps in memory. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_IMAGE_IMAGE_H
 #define SST_PIPELINE_IMAGE_IMAGE_H
 

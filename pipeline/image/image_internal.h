@@ -1,4 +1,6 @@
 /* pipeline/image/image_internal.h - the common kinds of PNG, without libpng; segments of a JPEG; TIFF; terrain. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_IMAGE_IMAGE_INTERNAL_H
 #define SST_PIPELINE_IMAGE_IMAGE_INTERNAL_H
 

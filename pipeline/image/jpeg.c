@@ -1,4 +1,6 @@
 /* JPEG: read through the API of libjpeg, which tells warnings apart; written through TurboJPEG. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <setjmp.h>

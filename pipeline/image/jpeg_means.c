@@ -1,4 +1,6 @@
 /* ITU-T T.81, sequential Huffman code (annex F.2). Only code lengths and the first value of each block are decoded. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/image/jpeg_means.h"
 
 #include <errno.h>

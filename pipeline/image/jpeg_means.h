@@ -1,5 +1,7 @@
 /* pipeline/image/jpeg_means.h - block means of a JPEG frame, read without decoding the coefficients, and frames cut to
  * a part of it. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_IMAGE_JPEG_MEANS_H
 #define SST_PIPELINE_IMAGE_JPEG_MEANS_H
 

@@ -1,5 +1,7 @@
 /* pipeline/image/jpeg_parts.h - a camera's JPEG reduced to its difference from an earlier one, the base: blocks of DCT
  * coefficients that are alike are emptied, the others stay bit by bit. Joined with the base it is a whole picture. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_IMAGE_JPEG_PARTS_H
 #define SST_PIPELINE_IMAGE_JPEG_PARTS_H
 

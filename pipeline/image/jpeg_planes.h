@@ -1,5 +1,7 @@
 /* pipeline/image/jpeg_planes.h - a JPEG decoded as far as its samples: luma and chroma as they are stored, before
  * chroma is enlarged and colours are made. A device does the rest (pipeline/kernels/jpeg_rgb.comp). */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_IMAGE_JPEG_PLANES_H
 #define SST_PIPELINE_IMAGE_JPEG_PLANES_H
 

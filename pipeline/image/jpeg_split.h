@@ -1,5 +1,7 @@
 /* pipeline/image/jpeg_split.h - a JPEG that shows several cameras side by side, cut into one JPEG for each without
  * decoding: the blocks of DCT coefficients stay bit by bit. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_IMAGE_JPEG_SPLIT_H
 #define SST_PIPELINE_IMAGE_JPEG_SPLIT_H
 

@@ -1,4 +1,6 @@
 /* ITU-T T.81: markers (table B.1), segments (B.2), and the tables of annex K.3, which frames of video leave out. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/image/jpeg_tables.h"
 
 #include <errno.h>

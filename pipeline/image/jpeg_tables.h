@@ -1,5 +1,7 @@
 /* pipeline/image/jpeg_tables.h - Huffman tables that a camera's JPEG leaves out, as UVC allows: files that leave the
  * program have them, since many readers refuse files without. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_IMAGE_JPEG_TABLES_H
 #define SST_PIPELINE_IMAGE_JPEG_TABLES_H
 

@@ -1,6 +1,8 @@
 /* Traces of JPEG in decoded pixels: in blocks of 8x8 pixels from the corner on, each frequency of the luma is a
  * multiple of its quantisation step. Scenes do not prefer multiples of anything, so that the mean of
  * cos(2 pi coefficient / step) is near 0 but for that step (and its parts). */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdlib.h>
 

@@ -1,4 +1,6 @@
 /* Meshes of a terrain as OBJ files, drawn onto a grid. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/image/image_internal.h"
 
 #include <errno.h>

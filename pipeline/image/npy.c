@@ -1,4 +1,6 @@
 /* NumPy's .npy, version 1.0: magic, 2-byte header length, a Python dict padded to 64 bytes, the data. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,5 +1,7 @@
 /* NumPy's .npz: a ZIP archive (APPNOTE.TXT 6.3) of stored .npy files. All sizes stand in ZIP64 fields, so that an archive
  * of any size has one form. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/image/npz.h"
 
 #include <assert.h>

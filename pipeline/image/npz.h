@@ -1,4 +1,6 @@
 /* pipeline/image/npz.h - NumPy's .npz: a ZIP archive of named arrays, which `numpy.load` reads. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_IMAGE_NPZ_H
 #define SST_PIPELINE_IMAGE_NPZ_H
 

@@ -1,4 +1,6 @@
 /* Orientation of a camera by EXIF, in the APP1 segment of a JPEG or the eXIf chunk of a PNG, or a tag of a TIFF. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,4 +1,6 @@
 /* PFM: "Pf", width height, scale (its sign is the byte order: negative is little-endian), rows from the bottom up. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <ctype.h>
 #include <errno.h>
 #include <math.h>

@@ -1,4 +1,6 @@
 /* PNG through libpng, from and to memory. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <png.h>
 #include <setjmp.h>

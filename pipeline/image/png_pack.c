@@ -1,4 +1,6 @@
 /* PNG files of maps, packed by ISA-L in a quarter of the time that zlib needs for runs of bytes alone. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/image/image_internal.h"
 
 #include <isa-l/crc.h>

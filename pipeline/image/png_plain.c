@@ -1,6 +1,8 @@
 /* PNG files of the common kinds: 8-bit RGB, 8-bit grey or indexed, 16-bit grey, not interlaced.
  * They are inflated at once by libdeflate, in a third of zlib's time. Everything else, every fault included, is
  * libpng's. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/image/image_internal.h"
 
 #include <libdeflate.h>

@@ -1,4 +1,6 @@
 /* pipeline/image/raw.h - conversion of uncompressed camera frames to images. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_IMAGE_RAW_H
 #define SST_PIPELINE_IMAGE_RAW_H
 

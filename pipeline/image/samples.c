@@ -1,4 +1,6 @@
 /* Samples of 16-bit pictures: the range that becomes the 256 levels of all computations. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 

@@ -1,4 +1,6 @@
 /* pipeline/image/srgb.h - conversion between sRGB (IEC 61966-2-1) and linear light, both 0..1. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_IMAGE_SRGB_H
 #define SST_PIPELINE_IMAGE_SRGB_H
 

@@ -1,4 +1,6 @@
 /* Pictures of 8 and 16 bits as TIFF files. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

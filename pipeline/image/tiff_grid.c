@@ -1,4 +1,6 @@
 /* Grids of numbers as TIFF files, with the tags of GeoTIFF and GDAL. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

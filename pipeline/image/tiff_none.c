@@ -1,4 +1,6 @@
 /* TIFF files of builds without libtiff. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 
 #include "base/log.h"

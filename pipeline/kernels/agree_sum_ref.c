@@ -1,3 +1,5 @@
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/kernels.h"
 
 void sst_agree_sum_ref(float *const acc[4], const uint16_t *const near[3], const uint8_t *const colour[3],

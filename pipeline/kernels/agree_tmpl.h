@@ -1,4 +1,6 @@
 /* Colour agreement of the rays of a pixel: votes, the colour with most votes, similarity of each ray to it. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/simd.h"
 
 /* The table lookup is a separate loop: it is not vectorised, the others are. */

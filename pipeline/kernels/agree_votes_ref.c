@@ -1,3 +1,5 @@
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/kernels.h"
 
 void sst_agree_votes_ref(uint8_t *vote, const uint8_t *const colour[3], const float *weight, const struct sst_voting *v,

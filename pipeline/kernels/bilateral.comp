@@ -1,6 +1,8 @@
 // Bilateral filter of 7x7 disparities: bilateral_row of kernels.h, whose float quotient is rounded as the whole numbers
 // here are: they are at most 25736, so a quotient that is no half is farther from it than floats are off. Constants:
 // pipeline/gpu/match.h. Definition: bilateral_ref.c.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 
 layout(local_size_x = 32, local_size_y = 8) in;

@@ -1,3 +1,5 @@
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/kernels.h"
 
 void sst_bilateral_row_ref(uint16_t *out, const uint16_t *const disp[7], const uint8_t *const luma[7],

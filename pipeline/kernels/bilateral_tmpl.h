@@ -1,5 +1,7 @@
 /* bilateral_row: one vector of pixels at a time, the last one overlaps its predecessor. Steps that count fit 16 bits,
  * and so does the sum of weights. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/simd.h"
 
 #define BILATERAL_LANES ((size_t)SIMD_BYTES / 2)

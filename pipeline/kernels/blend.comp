@@ -1,6 +1,8 @@
 // The rays of views summed into a picture: blend_rays, blend_plain, blend_support and blend_finish of kernels.h for all
 // views and rows. An invocation has several pixels of a column, which share the rows of their rays. Constants:
 // pipeline/gpu/blend.h. Definition: blend_*_ref.c.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require

@@ -1,4 +1,6 @@
 /* Blocks of rays in registers, for blend_tmpl.h: BLEND_BLOCK pixels in two vectors of 32 bits a pixel. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define BLEND_HALF (SIMD_BYTES / 4) /* pixels of half a block */
 
 #if SIMD_BYTES == 64

@@ -1,4 +1,6 @@
 /* pipeline/kernels/blend_colour_ref.h - the colours of rays, for the references of the blending kernels. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_KERNELS_BLEND_COLOUR_REF_H
 #define SST_PIPELINE_KERNELS_BLEND_COLOUR_REF_H
 

@@ -1,4 +1,6 @@
 /* out = sum / weight, rounded */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 static void KERNEL(blend_finish)(uint8_t *restrict out, const float *restrict sum, const float *restrict weight,
                                  size_t n)
 {

@@ -1,3 +1,5 @@
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/blend_colour_ref.h"
 
 void sst_blend_plain_ref(int32_t *const sum[3], float *count, const struct sst_blend *b, size_t n)

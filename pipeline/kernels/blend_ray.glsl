@@ -1,6 +1,8 @@
 // Colour and weight of a ray: for blend.comp and verify_rays.comp, which declare the buffers `label`, `view`, `pixel`,
 // `disp`, `valid` and `table`, and the constants `focus_whole`, `focus_part`, `scale`, `power`, `c1`, `first` and
 // `count`.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 const uint COLUMN_SHIFT = 4, COLUMN_BITS = 12;
 const float LEVEL = 16384.0;

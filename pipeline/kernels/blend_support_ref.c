@@ -1,3 +1,5 @@
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/kernels.h"
 
 void sst_blend_support_ref(uint8_t *support, const uint16_t *disp, const uint8_t *label, const uint32_t *ends, size_t n)

@@ -3,6 +3,8 @@
  * With AVX2 and AVX-512 a block of pixels stays in registers from the bytes of the view to the sums. Blocks that begin
  * less than a block before the end are done at n - BLOCK, with weight 0 for pixels that already are: adding 0 changes no
  * sum. Other processors, and runs shorter than a block, do stretches of BLEND_PART pixels with one pass per quantity. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/exp_neg.h"
 #include "pipeline/kernels/simd.h"
 

@@ -1,4 +1,6 @@
 // Labels and views of a picture, as in pipeline/gpu/blend.h.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 struct Label {
     uint row, ends;

@@ -3,6 +3,8 @@
 // sst_disparity_carry(), which goes from pixel to pixel. All pixels at once give the same: a gap that is closed gets
 // the farther one of its two neighbours, so that it is no nearer than the next pixel, which then is no gap; before, it
 // was farther than that pixel or unknown, and that one was no gap either.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

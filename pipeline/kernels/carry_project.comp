@@ -1,6 +1,8 @@
 // Maps carried to a view: the pixels of others arrive where their disparities put them. The largest value stays: the
 // nearest surface, correct ones first. Constants: pipeline/method/disparity/carry.c. Definition:
 // sst_disparity_carry().
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

@@ -1,3 +1,5 @@
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/kernels.h"
 
 void sst_cell_land_ref(uint32_t *landed, const struct sst_cell_way *w, const uint32_t *cells, int x, int y, int n)

@@ -1,5 +1,7 @@
 /* cell_land. With AVX-512 and AVX2 neighbouring cells that all move alike are stored at once. The others are stored one
  * by one: masked stores of a part of them stall the loads that follow. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 
 #if defined(__AVX2__) && !defined(__AVX512DQ__)
 #define CELL_BLOCK 8

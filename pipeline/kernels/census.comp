@@ -1,5 +1,7 @@
 // Census of a view between pixels: census_row of kernels.h over the view sampled at (x, y) + phase, one phase per layer
 // of groups. Constants: pipeline/gpu/match.h. Definition: census_ref.c.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 
 layout(local_size_x = 32, local_size_y = 8) in;

@@ -1,3 +1,5 @@
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #if defined(__aarch64__)
 #include "pipeline/kernels/arm/census_tmpl.h"
 #else

@@ -1,3 +1,5 @@
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/kernels.h"
 
 void sst_cheapest_row_ref(uint8_t *first, uint8_t *second, const uint8_t *a, const uint8_t *b, size_t n)

@@ -1,6 +1,8 @@
 // Multi-view check of a view's disparities: do others hold the same surface where they put a pixel? The disparities
 // that pixels without such a surface are tested at are shared by the group. Constants: pipeline/gpu/check.h.
 // Definition: sst_disparity_check_views().
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require

@@ -1,4 +1,6 @@
 /* class_row: class by class over all pixels, the sums of a row in the L1 cache. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <float.h>
 
 #include "pipeline/kernels/log_pos.h"

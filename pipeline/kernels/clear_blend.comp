@@ -1,6 +1,8 @@
 // The nearest surface of each pixel that enough views confirm, and the colour of the rays that see it: clear_surface,
 // clear_take and clear_blend of kernels.h. Constants: pipeline/gpu/clear.h.
 // Definition: clear_{surface,take,blend}_ref.c.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

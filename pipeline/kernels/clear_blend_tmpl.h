@@ -1,4 +1,6 @@
 /* Colours of clear pictures from the rays of a surface (clear_blend_ref.c), in vectors of any level. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/simd.h"
 
 #define CLEAR_LANES (SIMD_BYTES / 4)

@@ -1,5 +1,7 @@
 // All rays of all views go to the viewpoint; the nearest one at each pixel stays: clear_removed, clear_state,
 // clear_land of kernels.h. Constants: pipeline/gpu/clear.h. Definition: clear_{removed,state,land}_ref.c.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 
 layout(local_size_x = 32, local_size_y = 4) in;

@@ -1,5 +1,7 @@
 // The rays of one view, sampled from its raw frame where they see the surface of their pixel: clear_take of kernels.h
 // with the colours of sst_sampler_row(). Constants: pipeline/gpu/clear.h.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

@@ -1,3 +1,5 @@
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/kernels.h"
 
 void sst_clear_state_ref(uint8_t *state, const uint8_t *const removed[3], const uint16_t *disp, int bins, size_t n)

@@ -1,5 +1,7 @@
 // The surface of each pixel of a clear picture with rays from raw frames, for clear_sample. Buffers and constants:
 // pipeline/gpu/clear.h. Definition: clear_surface_ref.c.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

@@ -1,5 +1,7 @@
 // The surface of a pixel from the rays that landed there: clear_surface of kernels.h. Of the shader: `landed`, and the
 // constants of pipeline/gpu/clear.h.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 const uint TOLERANCE = 48;
 

@@ -1,6 +1,8 @@
 /* clear_take: rays that see a surface. Positions of rays are nearly in line, so that
  * AVX-512 gathers by permuting a stretch of 64 pixels instead of loading one by one, and AVX2 by shuffling stretches of
  * 16 pixels, two at a time; elsewhere the compiler's loops are the fastest. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/simd.h"
 
 #if defined(__AVX512VBMI__)

@@ -1,4 +1,6 @@
 /* clear_removed, clear_state, clear_land, clear_surface: rays of a view to the viewpoint, and surfaces of them. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/simd.h"
 
 /* --- what is removed --- */

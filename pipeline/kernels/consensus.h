@@ -1,6 +1,8 @@
 /* pipeline/kernels/consensus.h - kernels of the plane sweep in scene space (pipeline/method/sweep/): the colour that
  * most views agree on at a plane, costs of views against it, their means over like pixels, paths over planes, winners.
  * Included by kernels.h. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_KERNELS_CONSENSUS_H
 #define SST_PIPELINE_KERNELS_CONSENSUS_H
 

@@ -1,4 +1,6 @@
 /* pipeline/kernels/consensus_ref.h - colours of views at a plane, for the references of consensus.h. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_KERNELS_CONSENSUS_REF_H
 #define SST_PIPELINE_KERNELS_CONSENSUS_REF_H
 

@@ -1,3 +1,5 @@
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/consensus_ref.h"
 
 void sst_consensus_cost_row_ref(uint8_t *cost, const uint8_t *const own[3], const uint8_t *const consensus[4],

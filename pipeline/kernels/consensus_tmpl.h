@@ -1,4 +1,6 @@
 /* The plane sweep in scene space: bytes of as many pixels as a vector has. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/consensus.h"
 #include "pipeline/kernels/simd.h"
 

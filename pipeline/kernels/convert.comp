@@ -1,5 +1,7 @@
 // Words that a step reads made of resident planes, and resident planes of its results. Constants and conversions:
 // pipeline/gpu/convert.h. Definition: the steps.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 
 layout(local_size_x = 32, local_size_y = 8) in;

@@ -1,4 +1,6 @@
 /* correlate_places: sums of a register's places at once, a place in each 16 bytes; then their coefficients. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #if defined(__SSE2__)
 #include "pipeline/kernels/simd.h"
 

@@ -1,3 +1,5 @@
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/kernels.h"
 
 void sst_disp_span_ref(uint16_t span[2], const uint16_t *disp, size_t stride, int end, size_t n, size_t rows)

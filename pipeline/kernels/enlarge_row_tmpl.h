@@ -1,6 +1,8 @@
 /* enlarge_row: the left pixels of a block of cells, then the right ones. A block's inputs are widened to 16 bits
  * first, so that the selection is one loop of equal lanes. Compiled for AVX2 that loop spills its lanes, hence the form
  * for 16 cells in registers. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 
 #if defined(__AVX2__)
 #define ENLARGE_BLOCK 16

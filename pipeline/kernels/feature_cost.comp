@@ -1,5 +1,7 @@
 // Costs of a view's features and one neighbour's, at every step: feature_cost_rows of kernels.h. Constants:
 // pipeline/gpu/match.h. Definition: feature_cost_ref.c.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require

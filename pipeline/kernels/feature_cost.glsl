@@ -1,5 +1,7 @@
 // Costs of a view's features and one neighbour's: for feature_cost.comp and feature_cost_dot.comp, which define
 // dot_of(a, b, sum), sum + the products of four components of type `Four`, and four_of(word) to make these.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 #include "match_block.glsl"
 

@@ -1,3 +1,5 @@
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/kernels.h"
 
 void sst_feature_cost_rows_ref(uint8_t *cost, size_t cost_stride, const uint8_t *a, const uint8_t *const *b,

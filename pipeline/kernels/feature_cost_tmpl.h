@@ -4,6 +4,8 @@
  * several positions at a time hide the latency of the sums. Without byte dot products, 16-bit multiply-adds of
  * neighbouring channels give several sums per pixel, added at the end.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/simd.h"
 
 #if defined(__AVX512VNNI__) || defined(__AVXVNNI__)

@@ -1,5 +1,7 @@
 // Filling of pixels that no view shows, along rows: the farther of the nearest known disparities to both sides, which
 // the background has. Constants: pipeline/gpu/check.h. Definition: sst_fill_background().
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

@@ -1,6 +1,8 @@
 // Filling of pixels that no view shows, after fill_along: rows are known as a whole or not at all. Unknown ones get the
 // last known one above, or the first one below; without any, all are `none`. Constants: pipeline/gpu/check.h.
 // Definition: sst_fill_background().
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

@@ -1,5 +1,7 @@
 // Filling: the correct pixels of another view arrive where their disparities put them; the nearest surface stays.
 // Constants: pipeline/gpu/check.h. Definition: sst_fill_views().
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

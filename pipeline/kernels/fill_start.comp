@@ -1,6 +1,8 @@
 // Filling of a view's disparities, the beginning: mismatches get the median of the nearest correct pixels in 16
 // directions, occlusions nothing yet. A group shares the directions of its mismatches. Constants:
 // pipeline/gpu/check.h. Definition: sst_fill_views().
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require

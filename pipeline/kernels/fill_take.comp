@@ -1,5 +1,7 @@
 // Filling: occlusions that are not known yet get the disparity that arrived there. Constants: pipeline/gpu/check.h.
 // Definition: sst_fill_views().
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

@@ -1,5 +1,7 @@
 // Samples of a raw frame with their light corrected: resample_row and light_row of kernels.h. Of the shader: buffers
 // weight, frame and light, and constants, as those of pipeline/gpu/rectify.h.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 const uint LIT = 1;
 const int LIGHT_WHITE = 255 << 7;

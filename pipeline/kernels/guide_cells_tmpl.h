@@ -1,4 +1,6 @@
 /* guide_cells: the weights of a pixel in parallel, then eight values at a time over all cells. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/exp_neg.h"
 
 /* Three loops with a cell count unknown at compile time: otherwise compilers unroll and then do not vectorise. */

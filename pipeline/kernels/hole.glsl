@@ -1,5 +1,7 @@
 // Buffers and constants of the shaders of the pyramid that fills holes. Constants:
 // pipeline/method/render/device_holes.c.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 // in and out, float[4] a pixel, levels one after the other: R, G, B times weight, the weight 0..1; once filled R, G,
 // B

@@ -1,5 +1,7 @@
 // A coarser level of the pyramid that fills holes: weighted means of four pixels. Constants:
 // pipeline/method/render/device_holes.c. Definition: pyramid_ref.h.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

@@ -1,5 +1,7 @@
 // The cheapest hypothesis of each pixel; where it is not the pixel's own disparity, the confidence is the distance to
 // the next one. Constants: pipeline/method/disparity/device_second.c. Definition: `cpu` of the step.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 
 layout(local_size_x = 64) in;

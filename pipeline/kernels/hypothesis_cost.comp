@@ -1,5 +1,7 @@
 // Costs of the hypotheses of a view: hypothesis_cost_row of kernels.h, and what follows from them for the optimisation.
 // An invocation per pixel. Constants: pipeline/method/disparity/device_second.c. Definition: hypothesis_cost_ref.c.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

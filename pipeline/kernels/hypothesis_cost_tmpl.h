@@ -1,5 +1,7 @@
 /* hypothesis_cost_row. Positions are arbitrary, so the work is vectorised inside each window: three rows of four
  * pixels, of which a mask selects the similar ones. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #if defined(__aarch64__)
 #include "pipeline/kernels/arm/hypothesis_cost_tmpl.h"
 #elif defined(__SSE2__)

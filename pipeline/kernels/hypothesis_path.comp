@@ -1,6 +1,8 @@
 // Paths of the optimisation over hypotheses: hypothesis_path_row of kernels.h. Eight invocations follow a
 // path together, each with one hypothesis of every pixel; four paths a group. Constants:
 // pipeline/method/disparity/device_second.c. Definition: hypothesis_path_ref.c.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 
 layout(local_size_x = 8, local_size_y = 4) in;

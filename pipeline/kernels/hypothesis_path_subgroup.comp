@@ -1,6 +1,8 @@
 // hypothesis_path.comp for devices with subgroups of a group's 32 invocations: the last pixel's path costs and
 // hypotheses come from the other invocations' registers, without a barrier. Words of four pixels are read while the
 // four before them are followed.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_KHR_shader_subgroup_basic : require

@@ -1,5 +1,7 @@
 /* hypothesis_path_row: one lane for each hypothesis of the pixel, one hypothesis of the predecessor after the other. In
  * the compiler's vectors, because loops of eight are unrolled into scalars instead. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 typedef uint16_t KERNEL(hypothesis_lanes) __attribute__((vector_size(2 * SST_HYPOTHESES), aligned(2), may_alias));
 
 static inline KERNEL(hypothesis_lanes) KERNEL(hypothesis_min)(KERNEL(hypothesis_lanes) a, KERNEL(hypothesis_lanes) b)

@@ -1,5 +1,7 @@
 // Cost of a disparity of a pixel by the other views, shared by hypothesis_cost and sweep_points, which declare the
 // views, the pixels and the constants that it reads. Definition: hypothesis_cost_ref.c.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 const uint LIMIT = 480, FAR = 12000, OUTSIDE = 255;
 

@@ -1,5 +1,7 @@
 // The pixels of a frame from the samples of a JPEG: chroma enlarged, then colours. Constants:
 // pipeline/method/render/device_frames.c. Definition: libjpeg-turbo.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 
 layout(local_size_x = 32, local_size_y = 8) in;

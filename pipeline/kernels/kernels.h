@@ -1,5 +1,7 @@
 /* pipeline/kernels/kernels.h - table of kernels, filled with the best variant for this CPU. It is long because the
  * contracts of all kernels stand here, one beside the other. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_KERNELS_KERNELS_H
 #define SST_PIPELINE_KERNELS_KERNELS_H
 

@@ -1,5 +1,7 @@
 /* land_row. With AVX-512 neighbouring pixels that all move alike are stored at once. The others are stored one by one:
  * masked stores of a part of them stall the loads that follow. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 
 #define LAND_BLOCK 16
 

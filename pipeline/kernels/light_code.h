@@ -1,4 +1,6 @@
 /* pipeline/kernels/light_code.h - light times a factor, sRGB code to sRGB code, 0..255; shared by all levels. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_KERNELS_LIGHT_CODE_H
 #define SST_PIPELINE_KERNELS_LIGHT_CODE_H
 

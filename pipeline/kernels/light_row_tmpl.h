@@ -1,4 +1,6 @@
 /* light_row: light times a factor, sRGB to sRGB */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/light_code.h"
 
 #if defined(__aarch64__)

@@ -1,4 +1,6 @@
 // Limits of a device: copies words, or multiplies and adds. Constants: pipeline/gpu/gpu_internal.h.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 
 layout(local_size_x = 256) in;

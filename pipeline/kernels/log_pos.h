@@ -1,4 +1,6 @@
 /* pipeline/kernels/log_pos.h - log(x) in plain float operations that vectorise and give the same bits on every CPU. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_KERNELS_LOG_POS_H
 #define SST_PIPELINE_KERNELS_LOG_POS_H
 

@@ -1,6 +1,8 @@
 // A block of a tile's volume, 32 pixels of a row by 8 quads of disparities: for match_cost.comp and feature_cost.comp.
 // An invocation has a quad of a pixel. Neighbouring ones compute neighbouring pixels, with reads of the views side by
 // side; the volume lies pixel by pixel, so its reads and writes pass through shared memory.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 struct Tile {
     int x0, y0, width, height, left, top, pitch, rows, first, steps, nd;

@@ -1,6 +1,8 @@
 // Matching costs of a view against one neighbour, of the census, of features or of both, gathered over neighbours:
 // hamming_row, cheapest_row and cheapest_mean_row of kernels.h. Constants: pipeline/gpu/match.h. Definitions:
 // census_ref.c, cheapest_ref.c.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

@@ -1,5 +1,7 @@
 // Median of 5x5 disparities, borders repeated: median5_row of kernels.h. Constants: pipeline/gpu/match.h.
 // Definition: median_ref.c.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 
 layout(local_size_x = 32, local_size_y = 8) in;

@@ -1,4 +1,6 @@
 /* median5_row: the last vector of pixels overlaps its predecessor. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/simd.h"
 
 static inline void KERNEL(sort)(simd_u16 *v, int i, int j)

@@ -1,6 +1,8 @@
 // A convolution on floats, tiled as net_conv8.comp is. Sums go over the taps, and over the channels of each, in order;
 // each product is rounded with its sum. Constants: pipeline/gpu/net.h. Definition: the plan for the CPU,
 // pipeline/method/network/plan_conv.c.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 
 layout(local_size_x = 128) in;

@@ -1,6 +1,8 @@
 // A convolution on bytes. Each invocation has 4 x 4 results of its group's tile; inputs and weights become floats in
 // shared memory, in which 512 products have an exact sum. Constants: pipeline/gpu/net.h. Definition: the plan for the
 // CPU, pipeline/method/network/plan_conv.c.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

@@ -1,6 +1,8 @@
 // Buffers, constants and results of net_conv8.comp and its variants. A group has a tile of pixels times channels, and
 // works through the words of the kernel in slabs. Definition: the plan for the CPU,
 // pipeline/method/network/plan_conv.c.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 layout(std430, binding = 0) readonly buffer Fixed { uint fixed_word[]; };
 layout(std430, binding = 1) readonly buffer From { uint from_word[]; };

@@ -1,6 +1,8 @@
 // net_conv8.comp by dot products of four bytes: same tiles, but inputs and weights stay bytes in shared memory, and
 // sums are whole numbers. Instructions of signed bytes are the ones that most devices have: of bytes u from 0 to 255, u
 // - 128 is multiplied, and 128 times the sum of a channel's weights is added at the end.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_spirv_intrinsics : require

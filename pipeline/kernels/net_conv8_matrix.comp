@@ -2,6 +2,8 @@
 // together. A group has 128 pixels by 64 channels; each subgroup has 2 x 4 matrices of sums, and the group has as many
 // invocations as that takes. Words of the next slab are read while this one is multiplied. Of bytes u from 0 to 255, u
 // - 128 is multiplied, as in net_conv8_dot.comp.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 #pragma use_vulkan_memory_model
 #extension GL_GOOGLE_include_directive : require

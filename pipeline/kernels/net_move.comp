@@ -1,5 +1,7 @@
 // Copies and converts a tensor: layouts, floats and bytes. Constants: pipeline/gpu/net.h. Definition:
 // reorders of the plan for the CPU, pipeline/method/network/plan_dnnl.c.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 
 layout(local_size_x = 64) in;

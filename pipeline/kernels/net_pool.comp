@@ -1,5 +1,7 @@
 // Means over bins, to floats. A group sums four channels of a bin, in two parts. Constants:
 // pipeline/gpu/net.h. Definition: op_adaptive_pool().
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

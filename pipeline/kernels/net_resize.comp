@@ -1,4 +1,6 @@
 // Bilinear resize to floats. Constants: pipeline/gpu/net.h. Definition: op_resize().
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 
 layout(local_size_x = 64) in;

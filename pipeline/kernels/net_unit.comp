@@ -1,5 +1,7 @@
 // Vectors over the channels of a pixel, brought to a length and rounded to bytes. Constants:
 // pipeline/gpu/net.h. Definition: op_normalize_s8().
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 
 layout(local_size_x = 64) in;

@@ -1,6 +1,8 @@
 /* pipeline/kernels/place_patch.h - places of a rectified view in its raw frame as bicubics of row and column, both
  * fractional: the results of the shader clear_sample for each ray.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_KERNELS_PLACE_PATCH_H
 #define SST_PIPELINE_KERNELS_PLACE_PATCH_H
 

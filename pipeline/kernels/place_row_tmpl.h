@@ -1,4 +1,6 @@
 /* place_row */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 
 /* Nearest whole number of |v| < 2^22, ties to even, in a form that vectorises. */
 static inline int32_t KERNEL(place_nearest)(float v)

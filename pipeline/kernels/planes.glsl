@@ -1,4 +1,6 @@
 // Words of a view's map (SST_PLANE_MAP in pipeline/step/planes.h): disparity, 8 bits of confidence, flags.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 const int NONE = 0xFFFF; // disparity of a pixel that has none; larger than all others
 const uint AGREED = 1 << 24; // carried: the sources agree

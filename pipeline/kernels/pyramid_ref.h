@@ -3,6 +3,8 @@
  * Sums, products and quotients of floats in a fixed order, none fused: what a device rounds as the CPU does, so that
  * the shaders hole_pull and hole_push give the same bits (quotients in whole numbers).
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_KERNELS_PYRAMID_REF_H
 #define SST_PIPELINE_KERNELS_PYRAMID_REF_H
 

@@ -1,4 +1,6 @@
 // Quotients that are the same on every device.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 // a / b for b > 0, rounded to the nearest number, to an even one of two: devices may be off by more than that. Numbers
 // below 2^-126 are 0. Digits are estimated in floats, twice, and what is left of `a` is computed in whole numbers: it is

@@ -1,5 +1,7 @@
 // The pixels of a view from its raw frame: place_row, resample_row and light_row of kernels.h. Constants:
 // pipeline/gpu/rectify.h. Definition: sst_rectify_view() of the CPU.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

@@ -1,3 +1,5 @@
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/kernels.h"
 
 void sst_resample_row_ref(uint16_t *const out[3], const struct sst_resample *from, const int32_t *xy_q8, size_t n)

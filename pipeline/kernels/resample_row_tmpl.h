@@ -2,6 +2,8 @@
  * resample_row. Positions are arbitrary, so the work is vectorised inside each pixel: with AVX2 the four bytes of all
  * taps of a row are one load, two rows are one multiply-add, and two columns another. Four pixels are stored at once.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #if defined(__AVX2__)
 
 static inline __m128i KERNEL(resample_weights)(const int16_t *w)

@@ -1,5 +1,7 @@
 /* disp_span, cell_score, score_add: whole blocks of lanes; the rest by the references, for extremes by a block that
  * overlaps the last one. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #if defined(__SSE2__)
 #include <emmintrin.h>
 #endif

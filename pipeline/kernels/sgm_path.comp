@@ -1,6 +1,8 @@
 // Paths of the semi-global optimisation: sgm_along_rows and sgm_across_row of kernels.h. A group follows
 // one path, pixel by pixel, from tile to tile; each invocation has four disparities of every 128. Constants:
 // pipeline/gpu/match.h. Definition: sgm_ref.c.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

@@ -1,6 +1,8 @@
 // sgm_path.comp for devices with subgroups of a group's 32 invocations: neighbouring disparities and the minimum come
 // from the other invocations' registers, without a barrier. In a tile four pixels are followed at a time, while the
 // next four are read. Tiles have at most 256 disparities.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require

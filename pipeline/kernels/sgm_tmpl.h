@@ -1,4 +1,6 @@
 /* Semi-global optimisation: 16-bit lanes over the disparities of one pixel. nd is a multiple of 32. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/simd.h"
 
 static inline void KERNEL(sgm_step)(uint16_t *restrict cur, const uint16_t *restrict prev, uint16_t *restrict sum,

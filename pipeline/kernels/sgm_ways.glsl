@@ -1,5 +1,7 @@
 // Directions of paths, for sgm_path.comp and its variant: sst_gpu_way() of pipeline/gpu/match.h. They declare the
 // constants that this reads.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 int dx, dy;
 

@@ -1,4 +1,6 @@
 /* pipeline/kernels/sha256.h - SHA-256 of bytes in memory (FIPS 180-4). */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_KERNELS_SHA256_H
 #define SST_PIPELINE_KERNELS_SHA256_H
 

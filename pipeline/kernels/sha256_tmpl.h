@@ -1,5 +1,7 @@
 /* pipeline/kernels/sha256_tmpl.h - SHA-256 by the processor's own instructions, which are no part of a level: where it
  * has none, the table holds the reference. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #if defined(__SHA__)
 /* Four rounds a step; the words of a block in a ring of four registers of four words. */
 static void KERNEL(sha256_blocks)(uint32_t state[8], const uint8_t *data, size_t blocks)

@@ -1,4 +1,6 @@
 /* shown_row. AVX-512 compares eight rays at once, loaded one by one: that takes less time than gathering them. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 
 #if defined(__AVX512BW__)
 #define SHOWN_BLOCK 8

@@ -1,4 +1,6 @@
 /* pipeline/kernels/simd.h - vectors as wide as a CPU level has: templates in them are written once. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_KERNELS_SIMD_H
 #define SST_PIPELINE_KERNELS_SIMD_H
 

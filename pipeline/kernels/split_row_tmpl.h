@@ -1,4 +1,6 @@
 /* split_row. With AVX2 and above 32 pixels at once. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 
 static void KERNEL(split_row)(uint8_t *const plane[3], const uint8_t *pixels, size_t n)
 {

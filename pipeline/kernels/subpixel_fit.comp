@@ -1,5 +1,7 @@
 // A step of Gauss-Newton for the disparity of each pixel of a view: subpixel_fit_row of kernels.h. Constants:
 // pipeline/method/disparity/device_subpixel.c. Definition: subpixel_ref.c.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 
 layout(local_size_x = 32, local_size_y = 8) in;

@@ -1,6 +1,8 @@
 // Planes through large windows, subpixel_plane_row of kernels.h, and the disparities of the windows that follow them.
 // Constants: pipeline/method/disparity/device_subpixel.c. Definition: subpixel_ref.c, and follow_row() of
 // pipeline/method/disparity/subpixel.c.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

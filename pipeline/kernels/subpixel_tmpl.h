@@ -1,3 +1,5 @@
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/simd.h"
 
 /* subpixel_fit_row: blocks of SST_SUBPIXEL_BLOCK pixels, one view at a time. The last block of a row overlaps the one

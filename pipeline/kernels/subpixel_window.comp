@@ -1,5 +1,7 @@
 // Disparities that the similar pixels of 5x5 windows share: subpixel_window_row of kernels.h. Constants:
 // pipeline/method/disparity/device_subpixel.c. Definition: subpixel_ref.c, and share_row() of pipeline/method/disparity/subpixel.c.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

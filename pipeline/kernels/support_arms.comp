@@ -1,5 +1,7 @@
 // Arms of the support regions: how far a pixel's colour goes to the left, right, up and down. Constants:
 // pipeline/gpu/match.h. Definition: pipeline/method/disparity/support.c.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 
 layout(local_size_x = 32, local_size_y = 8) in;

@@ -1,3 +1,5 @@
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/kernels.h"
 
 void sst_support_sum_row_ref(uint16_t *vp, const uint16_t *vp_above, uint16_t *prefix SST_UNUSED, const uint8_t *cost,

@@ -1,6 +1,8 @@
 // Costs summed over the horizontal arms of the support regions: the first half of an aggregation, support_sum_row of
 // kernels.h without the sum over rows. An invocation has four disparities of a pixel. Constants:
 // pipeline/gpu/match.h. Definition: support_ref.c.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 
 layout(local_size_x = 64) in;

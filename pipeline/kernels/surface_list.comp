@@ -1,6 +1,8 @@
 // The hypotheses of each pixel: its own disparity, the surfaces around it, surfaces that other views project onto
 // it and surfaces that the sweep finds. Windows of surface_rows are completed along columns. Constants:
 // pipeline/method/disparity/device_second.c. Definition: sst_around_list() of pipeline/method/disparity/around.c.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 

@@ -1,6 +1,8 @@
 // Surfaces that other views project onto each pixel of a view: the farthest and the nearest one. Constants:
 // pipeline/method/disparity/device_second.c. Definition: project_around() of
 // pipeline/method/disparity/around.c.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 
 layout(local_size_x = 32, local_size_y = 8) in;

@@ -1,6 +1,8 @@
 // Surfaces around each pixel of a view, the part along rows: farthest and nearest disparity in windows of three sizes,
 // and whether the windows hold a step. Constants: device_second.c. Definition: find_extremes() and find_steps() of
 // around.c, both of pipeline/method/disparity/.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 
 layout(local_size_x = 32, local_size_y = 8) in;

@@ -1,5 +1,7 @@
 // Points of sweeps, seen from a view: their weights by cell and level. An invocation per point. Constants:
 // pipeline/method/disparity/device_second.c. Definition: gather() of pipeline/method/disparity/candidates.c.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 
 layout(local_size_x = 64) in;

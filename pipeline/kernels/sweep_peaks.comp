@@ -1,6 +1,8 @@
 // The heaviest levels of a cell of a view, by the points of the cells around it, and whether the view's map has them
 // there. A group per cell. Constants: pipeline/method/disparity/device_second.c. Definition: sst_sweep_candidates() of
 // pipeline/method/disparity/candidates.c.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 
 layout(local_size_x = 64) in;

@@ -1,6 +1,8 @@
 // Points in space that a view finds: sparse pixels that their own disparity does not explain, at the disparity that
 // alone does. A group per pixel; its invocations test the disparities. Constants: device_second.c. Definition:
 // sst_sweep_view() of sweep.c, both of pipeline/method/disparity/.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

@@ -1,4 +1,6 @@
 /* pipeline/kernels/templates.h - every kernel template, compiled by each level's .c with KERNEL(name) set. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/agree_tmpl.h"
 #include "pipeline/kernels/bilateral_tmpl.h"
 #include "pipeline/kernels/blend_finish_tmpl.h"

@@ -1,4 +1,6 @@
 /* 8x8 blocks in eight 64-bit words: three rounds swap 4x4, 2x2 and 1x1 blocks. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TRANSPOSE_SWAP
 #define SST_TRANSPOSE_SWAP(i, j, shift, mask)                                                                          \
     do {                                                                                                               \

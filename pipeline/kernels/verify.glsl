@@ -1,4 +1,6 @@
 // Constants of the shaders verify_*, and which pixels they are about. Layouts: pipeline/gpu/verify.h.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 layout(std430, push_constant) uniform Constants {
     int width, pitch, top, rows;

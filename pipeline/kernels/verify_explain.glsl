@@ -1,5 +1,7 @@
 // Whether the maps explain a ray: for verify_screen.comp and verify_unexplained.comp. Definition:
 // explainer_contradicts().
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 struct Near {
     float bx, by;

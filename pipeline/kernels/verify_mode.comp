@@ -1,5 +1,7 @@
 // The colour of each pixel with most votes, and how near its rays are to it: agree_mode and agree_near of kernels.h.
 // Constants: pipeline/gpu/verify.h. Definition: pipeline/method/render/verify.c.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

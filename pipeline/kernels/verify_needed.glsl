@@ -1,4 +1,6 @@
 // Whether a pixel decides about one that is left to votes: for shaders that declare the buffer `share`.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 // True if a pixel of the rows from .. to - 1 around (x, y) is left to votes.
 bool needed(int x, int y)

@@ -1,4 +1,6 @@
 // The arithmetic of pipeline/kernels/verify_ref.h, to the last bit.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 
 #include "quotient.glsl"
 

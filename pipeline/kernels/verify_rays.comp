@@ -1,5 +1,7 @@
 // Colours and votes of the rays around pixels left to votes: blend_take and agree_votes of kernels.h. Constants:
 // pipeline/gpu/verify.h. Definition: pipeline/method/render/verify.c.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

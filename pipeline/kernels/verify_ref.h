@@ -4,6 +4,8 @@
  * Sums, differences and products of floats in a fixed order, quotients rounded to the nearest number: the shaders give
  * the same bits.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_KERNELS_VERIFY_REF_H
 #define SST_PIPELINE_KERNELS_VERIFY_REF_H
 

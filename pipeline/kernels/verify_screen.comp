@@ -1,5 +1,7 @@
 // Cells of which the maps explain most rays are closed. Constants: pipeline/gpu/verify.h. Definition:
 // pipeline/method/render/verify.c.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 #extension GL_GOOGLE_include_directive : require
 

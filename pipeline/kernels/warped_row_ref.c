@@ -1,3 +1,5 @@
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/kernels.h"
 
 void sst_warped_row_ref(uint32_t *const sum[3], uint16_t *count, const struct sst_warped_source *from,

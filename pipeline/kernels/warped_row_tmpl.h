@@ -3,6 +3,8 @@
  * both rows are then joined modulo 2^32: the result itself fits. Ends of segments, and levels without gathers, are the
  * reference's.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #if defined(__AVX2__)
 
 #if SIMD_BYTES == 64

@@ -1,6 +1,8 @@
 // Winner of each pixel's summed costs between the steps, and its confidence: winner_row of kernels.h and the parabola
 // through three costs. Eight invocations look through a pixel's costs together. Constants: pipeline/gpu/match.h.
 // Definition: winner_ref.c.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 #version 450
 
 layout(local_size_x = 8, local_size_y = 8) in;

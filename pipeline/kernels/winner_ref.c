@@ -1,3 +1,5 @@
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/kernels.h"
 
 void sst_winner_row_ref(uint16_t *best, uint16_t *second, const uint16_t *sum, size_t stride, size_t n, size_t nd)

@@ -1,4 +1,6 @@
 /* winner_row: vectors of costs. The last one overlaps its predecessor; with AVX-512 it is masked instead. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/simd.h"
 
 #define WINNER_LANES ((size_t)SIMD_BYTES / 2)

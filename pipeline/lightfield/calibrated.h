@@ -1,4 +1,6 @@
 /* pipeline/lightfield/calibrated.h - light fields with raw frames as files, rectified by a calibration. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_LIGHTFIELD_CALIBRATED_H
 #define SST_PIPELINE_LIGHTFIELD_CALIBRATED_H
 

@@ -1,5 +1,7 @@
 /* Corrections of pictures, by the resampling that also rectifies raw frames: a view without a calibration is a picture
  * of a pinhole camera with principal point, roll and focal length off. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/lightfield/correction.h"
 
 #include <errno.h>

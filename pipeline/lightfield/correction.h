@@ -1,5 +1,7 @@
 /* pipeline/lightfield/correction.h - small displacements and gains of a light field's pictures, undone while they are
  * loaded. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_LIGHTFIELD_CORRECTION_H
 #define SST_PIPELINE_LIGHTFIELD_CORRECTION_H
 

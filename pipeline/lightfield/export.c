@@ -1,4 +1,6 @@
 /* Export to other tools' formats; import_stanford.c and import_hci.c describe them. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* Export of a light field as arrays of NumPy: views as every command of sst sees them, maps, and places of the cameras. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

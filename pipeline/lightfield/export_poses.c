@@ -1,4 +1,6 @@
 /* Export to programs that use camera poses: COLMAP and nerfstudio. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <jansson.h>
 #include <math.h>

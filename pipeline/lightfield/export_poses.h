@@ -1,4 +1,6 @@
 /* pipeline/lightfield/export_poses.h - cameras and the names of their pictures, written for COLMAP and nerfstudio. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_LIGHTFIELD_EXPORT_POSES_H
 #define SST_PIPELINE_LIGHTFIELD_EXPORT_POSES_H
 

@@ -1,4 +1,6 @@
 /* pipeline/lightfield/external_maps.h - external maps: disparity and labels supplied with the images. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_LIGHTFIELD_EXTERNAL_MAPS_H
 #define SST_PIPELINE_LIGHTFIELD_EXTERNAL_MAPS_H
 

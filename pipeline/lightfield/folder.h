@@ -1,5 +1,7 @@
 /* pipeline/lightfield/folder.h - data of a light field's folder: file names, hashes, provenance; of light fields that
  * never were in one, what would be read from the files. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_LIGHTFIELD_FOLDER_H
 #define SST_PIPELINE_LIGHTFIELD_FOLDER_H
 

@@ -1,4 +1,6 @@
 /* pipeline/lightfield/import.h - import and export of light fields in other tools' formats. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_LIGHTFIELD_IMPORT_H
 #define SST_PIPELINE_LIGHTFIELD_IMPORT_H
 

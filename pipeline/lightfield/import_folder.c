@@ -1,5 +1,7 @@
 /* A plain folder: pictures rr_cc.* (row, column) in a grid set by the caller, and external maps. Cameras and photo
  * programs leave other files beside them. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <string.h>
 #include <strings.h>

@@ -7,6 +7,8 @@
  * HCI's disparity is positive in front of the focus plane, in pixels per camera step, and a point at x in a view is at
  * x - d in the next view to the right: the same convention as ours. A sub-set of the views (a window, or every second)
  * is ranked; its disparity is converted where the step is not 1. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

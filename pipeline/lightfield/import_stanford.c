@@ -9,6 +9,8 @@
  * column numbers only identify which images share a line of the grid; they run either way (rows go upwards in both
  * sets, columns go to the left in shop) and may be a sub-set (0, 3, 6 ...), so lines are ranked by their median
  * position. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <ctype.h>
 #include <errno.h>
 #include <math.h>

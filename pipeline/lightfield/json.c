@@ -1,5 +1,7 @@
 /* lightfield.json: format version 1; version 2 adds the calibration. Every field is checked; a fault is logged in one
  * sentence with file and field. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <ctype.h>
 #include <errno.h>
 #include <jansson.h>

@@ -1,4 +1,6 @@
 /* JSON files: parsing, and fields with their faults. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/lightfield/json_read.h"
 
 #include <assert.h>

@@ -1,4 +1,6 @@
 /* pipeline/lightfield/json_read.h - JSON files read field by field: the first fault is one sentence with file and field. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_LIGHTFIELD_JSON_READ_H
 #define SST_PIPELINE_LIGHTFIELD_JSON_READ_H
 

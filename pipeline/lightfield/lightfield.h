@@ -1,4 +1,6 @@
 /* pipeline/lightfield/lightfield.h - a rectified light field in memory; loading and storing its folder. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_LIGHTFIELD_LIGHTFIELD_H
 #define SST_PIPELINE_LIGHTFIELD_LIGHTFIELD_H
 

@@ -1,4 +1,6 @@
 /* pipeline/lightfield/lightfield_internal.h - private declarations of this folder. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_LIGHTFIELD_LIGHTFIELD_INTERNAL_H
 #define SST_PIPELINE_LIGHTFIELD_LIGHTFIELD_INTERNAL_H
 

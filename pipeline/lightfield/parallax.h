@@ -1,4 +1,6 @@
 /* pipeline/lightfield/parallax.h - parallax between the views of a light field; none where all show one picture. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_LIGHTFIELD_PARALLAX_H
 #define SST_PIPELINE_LIGHTFIELD_PARALLAX_H
 

@@ -1,4 +1,6 @@
 /* `sst rectify`: writes raw frames with their calibration, or rectified (baked) views. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

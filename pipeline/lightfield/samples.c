@@ -1,4 +1,6 @@
 /* Files of the views: the samples that all of 16 bits are scaled from, the qualities of JPEG. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

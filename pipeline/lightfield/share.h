@@ -6,6 +6,8 @@
  * An item that fails in one process is tried by each of the others that comes to it, until one succeeds or all have
  * failed.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_LIGHTFIELD_SHARE_H
 #define SST_PIPELINE_LIGHTFIELD_SHARE_H
 

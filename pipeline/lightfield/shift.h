@@ -1,4 +1,6 @@
 /* pipeline/lightfield/shift.h - place of a pixel in another view by its disparity, in whole numbers. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_LIGHTFIELD_SHIFT_H
 #define SST_PIPELINE_LIGHTFIELD_SHIFT_H
 

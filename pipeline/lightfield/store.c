@@ -1,4 +1,6 @@
 /* A light field as a folder: lightfield.json, views/, and the derived disparity/, labels/ and confidence/. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/lightfield/calibrated.h"
 #include "pipeline/lightfield/correction.h"
 #include "pipeline/lightfield/lightfield_internal.h"

@@ -5,6 +5,8 @@
  * surfaces. A known cut stays while its foreground does, also when the foreground object has left: it waits for the next
  * one. When its gap has been closed for a second, or a useful cut that removes less has been found for a second, the new
  * cut replaces it, or none does. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <string.h>

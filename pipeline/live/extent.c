@@ -4,6 +4,8 @@
  *
  * Rows around the box are added, and then columns, while enough of their pixels are at the disparity of the track; gaps
  * as of leaves are skipped. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdlib.h>
 

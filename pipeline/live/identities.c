@@ -1,6 +1,8 @@
 /* Data association between the scene's tracks and the search behind leaves, which both detect parts of a person behind
  * a hedge. A new detection is assigned to the identity that it fits by position, depth and motion, also to one that
  * begins in the same set. Two identities that move together are merged. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <string.h>
 

@@ -1,4 +1,6 @@
 /* Set-up before the first frame: the geometry of the views and all memory. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

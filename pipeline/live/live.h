@@ -3,6 +3,8 @@
  * Three stages: frames.h updates the views, scene.h their disparities and labels, and the pictures declared here are
  * rendered for clients. One thread calls; the work inside runs on several. The same input gives the same bytes for any
  * number of threads, except for results of the background thread of scene.h. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_LIVE_LIVE_H
 #define SST_PIPELINE_LIVE_LIVE_H
 

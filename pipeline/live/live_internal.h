@@ -1,5 +1,7 @@
 /* pipeline/live/live_internal.h - the state that pipeline/live and pipeline/live/picture share. Pictures depend only on
  * the light field and on the changes recorded by live_ingest(), not on how they were computed. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_LIVE_LIVE_INTERNAL_H
 #define SST_PIPELINE_LIVE_LIVE_INTERNAL_H
 

@@ -1,4 +1,6 @@
 /* Summary of the scene for pictures and reports: when each tile changed, and which disparities and labels occur. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <string.h>
 

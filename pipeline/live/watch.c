@@ -1,5 +1,7 @@
 /* Tracks behind the foreground, joined with the tracks in front of the background: one identity for a person who walks
  * behind the leaves and comes out of them. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

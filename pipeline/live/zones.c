@@ -1,4 +1,6 @@
 /* Parts of the reference view: which tiles changed in them, and which labels they show. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <string.h>

@@ -1,4 +1,6 @@
 /* Agreement of views on a surface: in each pixel, the number of views with highly correlated 7x7 pixels. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

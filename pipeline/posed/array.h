@@ -1,5 +1,7 @@
 /* pipeline/posed/array.h - poses of the cameras of an array that is no lattice: from a calibration or a posed light
  * field. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_POSED_ARRAY_H
 #define SST_PIPELINE_POSED_ARRAY_H
 

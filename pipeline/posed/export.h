@@ -1,4 +1,6 @@
 /* pipeline/posed/export.h - export of a posed light field for COLMAP and nerfstudio. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_POSED_EXPORT_H
 #define SST_PIPELINE_POSED_EXPORT_H
 

@@ -1,4 +1,6 @@
 /* Export of a posed light field as arrays of NumPy: pictures as they are, lenses and poses, points. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* Small grey pictures of a few views, to compare them on surfaces. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

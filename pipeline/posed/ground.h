@@ -1,4 +1,6 @@
 /* pipeline/posed/ground.h - ground under trees: the farthest plane on which views agree. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_POSED_GROUND_H
 #define SST_PIPELINE_POSED_GROUND_H
 

@@ -1,4 +1,6 @@
 /* pipeline/posed/integral.h - the integral: the mean of posed views on a surface, as a virtual camera sees it. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_POSED_INTEGRAL_H
 #define SST_PIPELINE_POSED_INTEGRAL_H
 

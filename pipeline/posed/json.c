@@ -1,5 +1,7 @@
 /* lightfield.json of posed light fields: format version 3, kind "posed". Every field is checked; a fault is logged in
  * one sentence with file and field. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* Weights of a view's rays: correlation with other views on a surface against that on surfaces in front of it. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* Pictures of a posed light field, read by its hashes. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/posed/picture.h"
 
 #include <errno.h>

@@ -1,4 +1,6 @@
 /* pipeline/posed/picture.h - pictures of a posed light field as samples of 16 bits. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_POSED_PICTURE_H
 #define SST_PIPELINE_POSED_PICTURE_H
 

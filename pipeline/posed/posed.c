@@ -1,4 +1,6 @@
 /* A posed light field in memory, and its validation. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/posed/posed_internal.h"
 
 #include <ctype.h>

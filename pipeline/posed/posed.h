@@ -1,4 +1,6 @@
 /* pipeline/posed/posed.h - a posed light field in memory: views with a lens, rotation and centre each; its folder. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_POSED_POSED_H
 #define SST_PIPELINE_POSED_POSED_H
 

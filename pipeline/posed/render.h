@@ -1,4 +1,6 @@
 /* pipeline/posed/render.h - pictures of posed views from a virtual camera: the integral, see-through and clear. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_POSED_RENDER_H
 #define SST_PIPELINE_POSED_RENDER_H
 

@@ -1,4 +1,6 @@
 /* A posed light field as a folder: lightfield.json, views/, and the points beside it. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <dirent.h>
 #include <errno.h>
 #include <jansson.h>

@@ -1,4 +1,6 @@
 /* pipeline/posed/surface.h - surfaces that posed views are focused on: planes and terrain, and rays that meet them. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_POSED_SURFACE_H
 #define SST_PIPELINE_POSED_SURFACE_H
 

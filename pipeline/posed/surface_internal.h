@@ -1,5 +1,7 @@
 /* pipeline/posed/surface_internal.h - private to surfaces and their renderers: vectors, places of virtual pixels in
  * views. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_POSED_SURFACE_INTERNAL_H
 #define SST_PIPELINE_POSED_SURFACE_INTERNAL_H
 

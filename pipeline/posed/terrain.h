@@ -1,4 +1,6 @@
 /* pipeline/posed/terrain.h - terrain of maps in the axes of a light field. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_POSED_TERRAIN_H
 #define SST_PIPELINE_POSED_TERRAIN_H
 

@@ -1,4 +1,6 @@
 /* pipeline/posed/utm.h - places on the earth: zones of UTM, and metres east, north and up of a place. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_POSED_UTM_H
 #define SST_PIPELINE_POSED_UTM_H
 

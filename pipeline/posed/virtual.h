@@ -1,4 +1,6 @@
 /* pipeline/posed/virtual.h - virtual cameras: viewpoints without a lens from which posed views are rendered. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_POSED_VIRTUAL_H
 #define SST_PIPELINE_POSED_VIRTUAL_H
 

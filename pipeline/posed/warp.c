@@ -1,4 +1,6 @@
 /* Places of a virtual camera's pixels in views: exact at corners of cells, between them bilinear. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <string.h>

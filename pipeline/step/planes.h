@@ -3,6 +3,8 @@
  * A plane has a place for each view, as far as memory goes; the view that was used least recently gives its place up.
  * The layout of the words: pipeline/kernels/planes.glsl.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_STEP_PLANES_H
 #define SST_PIPELINE_STEP_PLANES_H
 

@@ -1,4 +1,6 @@
 /* Items of a step on a device, the rest on threads. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/step/run.h"
 
 #include <assert.h>

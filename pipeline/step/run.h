@@ -2,6 +2,8 @@
  * and its results. sst_run() does the rest: uploads, memory, fallback to the CPU, sharing with other processes,
  * times.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_STEP_RUN_H
 #define SST_PIPELINE_STEP_RUN_H
 

@@ -1,5 +1,7 @@
 /* pipeline/step/runner.h - one opening of a device for several kinds of work, which fails and is opened again for all.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_STEP_RUNNER_H
 #define SST_PIPELINE_STEP_RUNNER_H
 

@@ -1,5 +1,7 @@
 /* pipeline/step/step_internal.h - memory of a device that steps share, its pause after failures, its opening beside the
  * work. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_STEP_STEP_INTERNAL_H
 #define SST_PIPELINE_STEP_STEP_INTERNAL_H
 

@@ -1,4 +1,6 @@
 /* Loader of h264_libav.c, in the part libsst-video.so: FFmpeg loads slowly, and most runs encode nothing. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/video/h264.h"
 
 #include <errno.h>

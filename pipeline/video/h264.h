@@ -1,5 +1,7 @@
 /* pipeline/video/h264.h - H.264 encoder of moving pictures for viewers: each picture is one access unit at once, none is
  * predicted from a later one. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_VIDEO_H264_H
 #define SST_PIPELINE_VIDEO_H264_H
 

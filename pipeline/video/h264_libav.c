@@ -2,6 +2,8 @@
  *
  * An encoder counts as working when it has encoded a grey picture at once: drivers open and then refuse their first
  * picture, or hold it back until the next one comes, which viewers would see as delay. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/video/h264.h"
 
 #include <ctype.h>

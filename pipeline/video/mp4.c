@@ -1,5 +1,7 @@
 /* MP4 files under their names; loader of mp4_libav.c, the part libsst-video.so: FFmpeg has more than a hundred
  * libraries. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/video/mp4.h"
 
 #include <errno.h>

@@ -1,4 +1,6 @@
 /* pipeline/video/mp4.h - silent MP4 files of pictures, written whole or not at all. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_VIDEO_MP4_H
 #define SST_PIPELINE_VIDEO_MP4_H
 

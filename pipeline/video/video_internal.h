@@ -1,5 +1,7 @@
 /* pipeline/video/video_internal.h - functions of libsst-video.so, which FFmpeg's libraries come with. They log nothing and call
  * nothing of the program: every program can load the part. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_VIDEO_VIDEO_INTERNAL_H
 #define SST_PIPELINE_VIDEO_VIDEO_INTERNAL_H
 

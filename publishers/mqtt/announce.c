@@ -4,6 +4,8 @@
  * platform alone, which removes their entities. Topics of single entities, as earlier versions had them, get Home
  * Assistant's migration marker before the device comes, so that entities keep their names and history, and are emptied
  * when it had time to move them. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* Device of Home Assistant's MQTT discovery: one message with all entities of entities.json. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <ctype.h>
 #include <stdio.h>
 #include <stdlib.h>

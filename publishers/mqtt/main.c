@@ -1,5 +1,7 @@
 /* sst-mqtt: publishes state, events and pictures of the service at an MQTT broker, and carries out commands from there.
  * The main thread talks to the broker; one thread receives the service's events, another one its pictures. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <poll.h>
 #include <signal.h>

@@ -1,4 +1,6 @@
 /* publishers/mqtt/mqtt_internal.h - parts of sst-mqtt: the service, the broker, topics, Home Assistant's discovery. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PUBLISHERS_MQTT_MQTT_INTERNAL_H
 #define SST_PUBLISHERS_MQTT_MQTT_INTERNAL_H
 

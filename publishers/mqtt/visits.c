@@ -1,5 +1,7 @@
 /* Visits for Home Assistant and others: present visitors by zone, the last one of each zone with its picture, triggers.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>

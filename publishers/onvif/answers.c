@@ -1,4 +1,6 @@
 /* Calls and their answers, which come from the table answers.txt. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <arpa/inet.h>
 #include <ctype.h>
 #include <errno.h>

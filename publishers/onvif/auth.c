@@ -1,4 +1,6 @@
 /* Authentication: Digest of HTTP (RFC 7616, MD5) and WS-UsernameToken. Each proof of the password is accepted once. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <assert.h>
 #include <sha1.h>
 #include <sha2.h>

@@ -1,5 +1,7 @@
 /* WS-Discovery: Hello, Probe and Resolve, Bye, by UDP multicast on IPv4. Answers are few for each address, as anybody may
  * write another one's address on a datagram. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE /* struct in_pktinfo */
 #include <arpa/inet.h>
 #include <errno.h>

@@ -1,4 +1,6 @@
 /* Events: visits, changes and labels of the service as properties of ONVIF, and subscriptions that are pulled. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <ctype.h>
 #include <errno.h>
 #include <stdlib.h>

@@ -1,5 +1,7 @@
 /* HTTP server: calls by POST, the picture by GET, access. A thread for each connection: one that waits for events, or
  * for its turn, delays no other. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <arpa/inet.h>
 #include <errno.h>
 #include <microhttpd.h>

@@ -1,5 +1,7 @@
 /* sst-onvif: offers the stream of sst-rtsp as an ONVIF camera: discovery, profiles, addresses, snapshots, events. It starts
  * itself again when its part of the configuration has changed. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>

@@ -1,5 +1,7 @@
 /* publishers/onvif/onvif_internal.h - parts of sst-onvif: SOAP, authentication, answers, events, discovery, and the HTTP
  * server. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PUBLISHERS_ONVIF_ONVIF_INTERNAL_H
 #define SST_PUBLISHERS_ONVIF_ONVIF_INTERNAL_H
 

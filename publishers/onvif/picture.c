@@ -1,4 +1,6 @@
 /* Picture of the main view: one at a time is fetched, all clients of half a second share it. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,5 +1,7 @@
 /* SOAP: requests parsed by expat into a bounded tree, without document types and so without entities of others; envelopes
  * of answers. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <ctype.h>
 #include <errno.h>
 #include <expat.h>

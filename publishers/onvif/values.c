@@ -1,4 +1,6 @@
 /* Values of XML Schema: times, durations; Base64. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <ctype.h>
 #include <limits.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* Authentication of RTSP clients: a user and a password, required before any other answer. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "publishers/rtsp/rtsp_internal.h"
 
 #include <arpa/inet.h>

@@ -5,6 +5,8 @@
  *
  * The thread of appsrc gets the newest frame when it needs data, so nothing queues, and the encoder works on the newest
  * frame. A picture that stands still is sent again each second: recorders give up a camera that is silent. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "publishers/rtsp/rtsp_internal.h"
 
 #include <errno.h>

@@ -1,5 +1,7 @@
 /* JPEG as RFC 2435 can carry it: baseline, three components, 4:2:0 or 4:2:2, Huffman tables of annex K, small enough.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "publishers/rtsp/rtsp_internal.h"
 
 #include <setjmp.h>

@@ -1,5 +1,7 @@
 /* sst-rtsp: serves the pictures of the service as RTSP streams. It receives them over the service's HTTP API, reports
  * its clients there, and starts itself again when the rtsp section of the configuration has changed. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "publishers/rtsp/rtsp_internal.h"
 
 #include <stdlib.h>

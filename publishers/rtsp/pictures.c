@@ -1,4 +1,6 @@
 /* Pictures of the service: one MJPEG stream for each that is watched, received on a thread of its own. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "publishers/rtsp/rtsp_internal.h"
 
 #include <errno.h>

@@ -1,5 +1,7 @@
 /* publishers/rtsp/rtsp_internal.h - parts of sst-rtsp: pictures of the service, GStreamer's server, authentication,
  * pipelines, and JPEG for RTP. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PUBLISHERS_RTSP_RTSP_INTERNAL_H
 #define SST_PUBLISHERS_RTSP_RTSP_INTERNAL_H
 

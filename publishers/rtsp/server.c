@@ -1,4 +1,6 @@
 /* Server of GStreamer: connections, limits, and workarounds for its library. Pipelines are in feed.c. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "publishers/rtsp/rtsp_internal.h"
 
 #include <errno.h>

@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Run notebooks without Jupyter: code cells one after the other, in a folder that goes at the end.
 
 run.py [--lines N] [--check EXPRESSION] NOTEBOOK.ipynb

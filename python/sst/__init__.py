@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Light fields, maps, recordings and calibrations of sst as arrays of NumPy, and a client of its service.
 
     import sst

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Calibrations of arrays: calib.yaml of sst. `sst calibration convert` makes one of other programs' files."""
 import re
 from dataclasses import dataclass, field

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Client of sstd's API (docs/integrate/api.md): state, events, visits, pictures as arrays. Standard library alone."""
 import http.client
 import json

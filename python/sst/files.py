@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Files read whole up to a limit, JSON with checked fields, and the error of damaged ones."""
 import json
 import math

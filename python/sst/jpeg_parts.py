@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """JPEGs that a service recorded as differences from an earlier one (pipeline/image/jpeg_parts.h), joined with it, coefficient by coefficient."""
 from .files import FormatError
 

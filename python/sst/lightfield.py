@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Light fields: lattices (views in rows and columns) and posed ones (a lens and a pose for every view)."""
 import hashlib
 import os

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Pictures and maps: PNG of any depth, PFM, and what Pillow reads."""
 import hashlib
 import io

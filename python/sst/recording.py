@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Recordings of an array: sets of frames, each camera's bytes as they came (docs/integrate/recordings.md)."""
 import os
 import zlib

@@ -7,6 +7,8 @@
  *
  * Structures begin with `size`, which the caller sets to their sizeof: later versions add members at the end.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_READ_H
 #define SST_READ_H
 

@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # check.sh: build all programs for arm64 with warnings as errors, and run the tests of kernels in an emulator: on a CPU that
 # has every level, and on one without byte dot products. Without the cross compiler, libraries or emulator it is a skip.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -eu
 cd "$(dirname "$0")/../.."
 skip() {

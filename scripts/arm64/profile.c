@@ -1,6 +1,8 @@
 /* A plugin of qemu-user that counts instructions by function of the program; at its end they go to standard error, most
  * first. `make build/arm64_profile.so`, then
  * qemu-aarch64 -plugin build/arm64_profile.so -L build-arm64/sysroot build-arm64/sst process ... */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

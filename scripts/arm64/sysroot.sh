@@ -2,6 +2,8 @@
 # sysroot.sh DIR [all]: unpack the arm64 libraries that the build cannot do without, or those of all optional parts too,
 # from Debian's archive into DIR. apt resolves them as on an empty arm64 machine, with lists of its own: no root, and no
 # change to the packages of this machine.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -eu
 cd "$(dirname "$0")/../.."
 dir=$(realpath -m "$1") what=${2-required}

@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # slurm.sh start DIR NODES | stop DIR: a Slurm of this machine alone: one controller and nodes of one CPU each, with all its
 # files in DIR. Afterwards SLURM_CONF=DIR/slurm.conf makes sbatch and squeue speak to it. Needs root, as slurmd does.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -eu
 dir=$(realpath -m "$2")
 

@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # Boot a stock Debian kernel in an emulator and run tests/guest/*.sh in it, or those named: check.sh [NAME...].
 # Prints a line per test; exit 0 only if none failed. Everything is kept in build/kernel/results/.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -eu
 cd "$(dirname "$0")/../.."
 out=build/kernel results=build/kernel/results

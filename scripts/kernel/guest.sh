@@ -1,6 +1,8 @@
 # In the emulated machine: run the tests that /results/tests names, one after the other, each with a deadline. For each
 # its output is left in /results/NAME.log, the kernel's in NAME.dmesg and its exit status in NAME.rc; what the host's user
 # sees comes over the second serial line.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 show() { echo "$*" >/dev/ttyS1; }
 
 run() { # NAME: tests/guest/NAME.sh

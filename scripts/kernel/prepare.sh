@@ -2,6 +2,8 @@
 # Put into build/kernel/ what `make check-kernel` boots: Debian's stock kernel with all its modules, and those for
 # simulated devices that it leaves out, built from Debian's sources. Nothing is installed on this machine; what is there
 # already is kept. Afterwards: vmlinuz, release (its name), lib/modules/.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -eu
 cd "$(dirname "$0")/../.."
 source=$PWD/scripts/kernel/modules

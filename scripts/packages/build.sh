@@ -2,6 +2,8 @@
 # Debian packages of this working tree, built in a clean root without a network: build.sh DIST [ARCH]; they are put into
 # build/packages/DIST/ARCH/. CCACHE=0: without the objects of earlier builds. MAINTAINER="Name <mail>": of the packages. DEB_BUILD_OPTIONS and
 # BUILD_PROFILES as usual. Needs root.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -eu
 cd "$(dirname "$0")/../.."
 dist=$1 arch=${2:-$(dpkg --print-architecture)}

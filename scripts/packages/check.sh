@@ -2,6 +2,8 @@
 # Checks of the built packages: check.sh DIST [lintian|quick|piuparts|autopkgtest|reprotest|first]...; all without a name. A line for
 # each, logs in build/packages/DIST/. Needs root, an archive, and for autopkgtest's virtual machine /dev/kvm (else a root folder, without
 # systemd).
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 cd "$(dirname "$0")/../.."
 dist=$1

@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # Command in a throw-away copy of a root folder: all changes are gone afterwards; without a network but by --network.
 #   enter.sh [--network] [--bind HOST:INSIDE]... ROOT COMMAND [ARGUMENT]...       needs root
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -eu
 network=--net
 binds=()

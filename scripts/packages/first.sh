@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # Time from the built packages to the first live picture on a bare root of Debian: first.sh DIST. Two commands, `apt install ./*.deb` and
 # `sst demo`; the picture is fetched from the service's page. Needs root and an archive; the download is timed by itself first.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -eu
 cd "$(dirname "$0")/../.."
 dist=$1 arch=$(dpkg --print-architecture)

@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # Checks inside a root folder with the packages of /packages installed: man pages, completions by the shells themselves, AppArmor's
 # profiles, units. check.sh runs it.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 failed=0
 fail() { echo "FAIL: $*"; failed=1; }

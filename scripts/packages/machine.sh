@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # Virtual machine of a release of Debian for autopkgtest, where systemd and AppArmor run as on a real one: machine.sh DIST; prints its
 # folder, with disk.img and the command `qemu` that autopkgtest-virt-qemu calls. Needs root to make it, /dev/kvm to be quick.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -eu
 cd "$(dirname "$0")/../.."
 dist=$1

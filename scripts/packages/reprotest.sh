@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # Reproducibility of the packages: reprotest.sh DIST ROOT. reprotest builds twice in copies of the root folder, the second time in another
 # folder, at another time, in another locale and time zone, with another umask and one processor.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -eu
 cd "$(dirname "$0")/../.."
 dist=$1 root=$2 arch=$(dpkg --print-architecture)

@@ -2,6 +2,8 @@
 # Clean root folder of a release of Debian, made by mmdebstrap: root.sh DIST bare|build [ARCH]; prints its path. `build` has the packages
 # that debian/control builds with, and lintian and shells, which judge packages; it is made again after a change of their list.
 # DEBIAN_MIRROR: the archive. Needs root.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -eu
 cd "$(dirname "$0")/../.."
 dist=$1 kind=$2 arch=${3:-$(dpkg --print-architecture)}

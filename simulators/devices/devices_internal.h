@@ -1,6 +1,8 @@
 /* simulators/devices/devices_internal.h - common parts of the devices of a session: the server and its faults
  * (server/), the cameras as an array (camera/), and the files of this folder; code outside of it includes the public
  * headers. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_SIMULATORS_DEVICES_DEVICES_INTERNAL_H
 #define SST_SIMULATORS_DEVICES_DEVICES_INTERNAL_H
 

@@ -1,4 +1,6 @@
 /* simulators/devices/gpio_front.c - front end of the GPIO model as /dev/gpiochipN. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "simulators/devices/devices_internal.h"
 #include "simulators/devices/sysfs_internal.h"
 

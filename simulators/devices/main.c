@@ -1,4 +1,6 @@
 /* sst-sim: runs any program on simulated devices. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <getopt.h>
 #include <signal.h>

@@ -1,4 +1,6 @@
 /* simulators/devices/proto.h - protocol between a program under sst-sim and the simulator. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_SIMULATORS_DEVICES_PROTO_H
 #define SST_SIMULATORS_DEVICES_PROTO_H
 

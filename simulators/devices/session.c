@@ -1,4 +1,6 @@
 /* Sessions: folder, environment, command, queries. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE
 #include "simulators/devices/devices_internal.h"
 

@@ -1,4 +1,6 @@
 /* World, server and devices: opened in order, closed in reverse; the session's control calls. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "simulators/devices/devices_internal.h"
 #include "simulators/devices/sysfs_internal.h"
 #include "simulators/devices/usb_internal.h"

@@ -1,4 +1,6 @@
 /* The still camera of a session: PTP behind usbfs, pictures of the world at the rig's pose, faults. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "simulators/devices/devices_internal.h"
 #include "simulators/devices/sysfs_internal.h"
 #include "simulators/devices/usb_internal.h"

@@ -1,4 +1,6 @@
 /* simulators/devices/sysfs.c - files and links of a session's /sys. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _XOPEN_SOURCE 700
 #include "simulators/devices/devices_internal.h"
 #include "simulators/devices/sysfs_internal.h"

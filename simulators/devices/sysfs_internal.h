@@ -1,4 +1,6 @@
 /* simulators/devices/sysfs_internal.h - simulated /sys of a session, its udev data, and the events of both. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_SIMULATORS_DEVICES_SYSFS_INTERNAL_H
 #define SST_SIMULATORS_DEVICES_SYSFS_INTERNAL_H
 

@@ -1,4 +1,6 @@
 /* simulators/devices/uevent.c - device events: the kernel's, and udev's with its data about each device. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <arpa/inet.h>
 #include <errno.h>
 #include <stdarg.h>

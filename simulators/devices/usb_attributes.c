@@ -1,4 +1,6 @@
 /* simulators/devices/usb_attributes.c - writable attributes in /sys: authorized, disable, bind, unbind. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

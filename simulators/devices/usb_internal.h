@@ -1,4 +1,6 @@
 /* simulators/devices/usb_internal.h - simulated USB tree of a session: /sys, /dev/bus/usb, udev. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_SIMULATORS_DEVICES_USB_INTERNAL_H
 #define SST_SIMULATORS_DEVICES_USB_INTERNAL_H
 

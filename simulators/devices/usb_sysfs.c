@@ -1,4 +1,6 @@
 /* simulators/devices/usb_sysfs.c - USB devices, their drivers and video nodes in /sys and in udev's data. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdio.h>
 #include <string.h>
 

@@ -1,4 +1,6 @@
 /* simulators/devices/usbfs.c - /dev/bus/usb/BBB/DDD: claims, transfers, resets. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <linux/usbdevice_fs.h>
 
 #include <errno.h>

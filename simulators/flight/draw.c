@@ -1,5 +1,7 @@
 /* Pictures of a flight: a depth buffer of triangles at FINE samples a pixel along each side, then light and colour of
  * each sample. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* simulators/flight/flight.h - simulated arrays and flights over a forest: posed light fields with exact truth. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_SIMULATORS_FLIGHT_FLIGHT_H
 #define SST_SIMULATORS_FLIGHT_FLIGHT_H
 

@@ -1,4 +1,6 @@
 /* simulators/flight/flight_internal.h - world of triangles, and pictures of it. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_SIMULATORS_FLIGHT_FLIGHT_INTERNAL_H
 #define SST_SIMULATORS_FLIGHT_FLIGHT_INTERNAL_H
 

@@ -1,4 +1,6 @@
 /* Forest of a flight: uneven ground, trees of trunk and leaves, walkers. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* Posed light fields of simulated arrays and flights, with their truth. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <jansson.h>
 #include <math.h>

@@ -1,4 +1,6 @@
 /* simulators/rig/drive.h - three simulated servo drives on Modbus TCP and RTU. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_SIMULATORS_RIG_DRIVE_H
 #define SST_SIMULATORS_RIG_DRIVE_H
 

@@ -1,4 +1,6 @@
 /* Faults by name and value, as docs/use/rig.md lists them. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

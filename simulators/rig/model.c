@@ -1,4 +1,6 @@
 /* Model of the drives' motion in ticks of 1 ms: a trapezoidal profile of the command, and the mechanics that follow. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "simulators/rig/rig_internal.h"
 
 #include <math.h>

@@ -1,4 +1,6 @@
 /* The register map of docs/use/rig.md and the Modbus function codes over it. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <string.h>
 

@@ -1,4 +1,6 @@
 /* Server of the drives on a TCP port and a pseudo-terminal, one thread, including the wire faults. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE
 #include <arpa/inet.h>
 #include <errno.h>

@@ -1,4 +1,6 @@
 /* People, built from ellipsoids on a skeleton. Lengths are mm of a person 1750 mm tall. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "simulators/scene/scene_internal.h"
 
 struct body {

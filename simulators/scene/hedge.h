@@ -4,6 +4,8 @@
  * Every leaf has its own disparity and swings with its twig and by itself; gusts come and go. Cameras are ideal ones
  * with noise. Positions are in px of the reference view, the middle of the grid. The scene `hedge` of simulated worlds
  * is drawn by it, and the hours of simulated time of `make bench-watch`. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_SIMULATORS_SCENE_HEDGE_H
 #define SST_SIMULATORS_SCENE_HEDGE_H
 

@@ -1,5 +1,7 @@
 /* The person behind a hedge: flat shapes, or for the scene of worlds a figure that is rendered once in each of the
  * phases of a stride and drawn like a board. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

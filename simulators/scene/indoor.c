@@ -1,4 +1,6 @@
 /* The scenes on a table: "transportation", "humvee", "cd-cases", "cat", and "cell" under a microscope. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/image/classes.h"
 #include "simulators/scene/scene_internal.h"
 

@@ -3,6 +3,8 @@
  * and for each picture the moving ones are drawn over a copy of them, band by band and only in the columns that they
  * touch. Translucent surfaces blend with their background, so in these columns all surfaces are drawn again.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

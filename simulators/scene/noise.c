@@ -1,3 +1,5 @@
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "simulators/scene/noise.h"
 
 uint64_t sst_random_u64(uint64_t *state)

@@ -1,4 +1,6 @@
 /* simulators/scene/noise.h - seeded random numbers and value noise; the same values on every machine. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_SIMULATORS_SCENE_NOISE_H
 #define SST_SIMULATORS_SCENE_NOISE_H
 

@@ -1,4 +1,6 @@
 /* Procedural textures of general use; paint_objects.c has the ones of single objects. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "simulators/scene/scene_internal.h"
 
 static struct sst_vec3 scaled(const struct sst_scene_hit *h, double x_mm, double y_mm)

@@ -1,4 +1,6 @@
 /* Textures of single objects: a face, a number plate, the rear of a car, a house front, a poster, stained cells. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <string.h>
 
 #include "simulators/scene/scene_internal.h"

@@ -1,4 +1,6 @@
 /* Pictures for layered scenes: files of a folder or procedural ones, and the objects in them. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <dirent.h>
 #include <errno.h>
 #include <stdlib.h>

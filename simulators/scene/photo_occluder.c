@@ -1,4 +1,6 @@
 /* Occluders of layered scenes: leaves, foliage, branches, slats, mesh and crowds in front of the target. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

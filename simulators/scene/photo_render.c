@@ -1,4 +1,6 @@
 /* Renderer of layered scenes: sprites from front to back, each pixel until it is opaque. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <float.h>
 #include <limits.h>

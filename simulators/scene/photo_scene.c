@@ -1,4 +1,6 @@
 /* Composition of layered scenes: a street far behind, objects, the target, and the occluder in front of it. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -6,6 +6,8 @@
  * q_i = a_i.(P-o) / a_i.a_i of its half-axes a_i, where Z is a root of a quadratic.
  * Colour is the mean of four samples on a rotated grid; truth is a fifth one at the pixel's centre.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <float.h>
 

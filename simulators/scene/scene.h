@@ -1,4 +1,6 @@
 /* simulators/scene/scene.h - procedural scenes with exact disparity, labels, and pictures behind every occluder. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_SIMULATORS_SCENE_SCENE_H
 #define SST_SIMULATORS_SCENE_SCENE_H
 

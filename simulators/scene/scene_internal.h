@@ -1,5 +1,7 @@
 /* simulators/scene/scene_internal.h - private declarations of this folder; code outside of it includes the public
  * headers. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_SIMULATORS_SCENE_SCENE_INTERNAL_H
 #define SST_SIMULATORS_SCENE_SCENE_INTERNAL_H
 

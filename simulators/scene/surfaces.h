@@ -1,4 +1,6 @@
 /* simulators/scene/surfaces.h - building blocks of scenes: textured patches and ellipsoids; the renderer. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_SIMULATORS_SCENE_SURFACES_H
 #define SST_SIMULATORS_SCENE_SURFACES_H
 

@@ -1,4 +1,6 @@
 /* Light-field folder of a scene, with its truth. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <jansson.h>
 #include <stdio.h>

@@ -1,4 +1,6 @@
 /* tests/bench/blend.h - the weighted sum of shifted views, written in OpenCV: remap each view, then blend. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_BENCH_BLEND_H
 #define SST_TESTS_BENCH_BLEND_H
 

@@ -7,6 +7,8 @@
  * it, and how often the truth lies within the predicted sigma. scripts/bench_calib.py runs it for
  * docs/measured/bench-calibration.md.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 

@@ -4,6 +4,8 @@
  * leftNN.jpg and rightNN.jpg. One JSON object: the solution's figures, and all corners, [view, frame, [x, y, x, y ...]]
  * by ascending id. scripts/bench_calib.py runs it for docs/measured/bench-calibration.md.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -2,6 +2,8 @@
  * [NAME ...]. Prints CSV, a line for each round and part: CPU milliseconds. Everything runs on one thread, on a small
  * bush made in memory, so that a change of the machine's load changes stages and loops alike (scripts/bench_check.py).
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

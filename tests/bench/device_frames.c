@@ -1,6 +1,8 @@
 /* What the CPU does for a view of raw frames that is rendered on a device: device_frames ROUNDS. CPU time of one thread for a
  * JPEG of 2000x1500 pixels, median of the rounds: with the view rectified on the CPU and uploaded, and with its samples and
  * places handed to the device (docs/design/gpu.md, Raw frames). */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

@@ -2,6 +2,8 @@
  * JSON object.
  *
  *   device_limits DEVICE */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -2,6 +2,8 @@
  * The best of some runs, one JSON object.
  *
  *   device_sgm DEVICE WIDTHxHEIGHT DISPARITIES */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,6 +1,8 @@
 /* Times the dot products of learned matching features: feature_cost ROUNDS. Every CPU level in turn, on rows that the
  * first cache holds (a neighbour beside the view) and on rows below each other (a neighbour below it). Prints CSV:
  * median CPU time over the rounds, and multiplications per nanosecond. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

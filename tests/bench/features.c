@@ -2,6 +2,8 @@
  * the whole chain. Prints one JSON object.
  *
  *   features LEFT RIGHT TRUTH.pfm MODEL.onnx f32|int8 SCALE     SCALE 2: matched at half size */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

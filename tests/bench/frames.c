@@ -1,5 +1,7 @@
 /* Costs of the checks of every frame: marker walk, hash, and the other way to find frozen pictures, comparing with a
  * kept copy. usage: build/bench/frames [frame.jpg] */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <linux/videodev2.h>
 #include <stdio.h>
 #include <stdlib.h>

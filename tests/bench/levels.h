@@ -1,4 +1,6 @@
 /* tests/bench/levels.h - levels of the processor that a benchmark measures in turn: the best one, and AVX2. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_BENCH_LEVELS_H
 #define SST_TESTS_BENCH_LEVELS_H
 

@@ -6,6 +6,8 @@
  * the scene without its first occluder: with memory, of this set alone, see-through; percent of pixels wrong by more
  * than 20 levels, and of those that only the memory makes wrong (ghosts); shares seen, remembered and filled, oldest
  * pixel. The last line sums up. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

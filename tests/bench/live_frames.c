@@ -1,6 +1,8 @@
 /* Costs of keeping the views up to date, and their errors:
  *   make build/bench/live_frames && build/bench/live_frames [SETS [WORLD...]]
  * Prints the table of docs/measured/notes-live.md. Worlds are prepared when they are first used (a minute each). */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -10,6 +10,8 @@
  *   in focus      surfaces in focus and not hidden in the reference view;
  *   out of focus  surfaces elsewhere and not hidden;
  *   front         the occluder in focus. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -5,6 +5,8 @@
  * balanced and accurate on the same pictures, of plain refocusing, and of the true maps. With FOLDER, if it is not
  * empty, the pictures stay there; quick: without the presets. Edges: PSNR of the differences of neighbouring pixels
  * there. SSIM: there, too. CPU ms: of the maps (without opening networks) and the picture. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,6 +1,8 @@
 /* Times pictures of a light field that changes: live_view WxH ROUNDS. The pedestrian walks by in steps of 0.1 s, true
  * maps; each step is rendered in part by what changed, and whole. Prints a line for each kind of work: medians of wall
  * and CPU milliseconds on two threads, and on how much of the picture. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -3,6 +3,8 @@
  * Interleaved rounds in one process, medians of wall and CPU time, one JSON object.
  *
  *   network MODEL.onnx WxH ROUNDS */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <dnnl.h>
 #include <stdio.h>
 #include <stdlib.h>

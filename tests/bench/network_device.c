@@ -2,6 +2,8 @@
  * apart. Interleaved rounds in one process, medians, one JSON object.
  *
  *   network_device MODEL.onnx WxH ROUNDS DEVICE PRECISION(f32, int8) */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -6,6 +6,8 @@
  * rate 3 (sets/s) seed 1 (of the hedge) passages 4 gap 24 (s between them; each begins at another phase of the wind)
  * first 40 (s without anybody, in which the search behind leaves learns) wind 1 width 640 trace 0 (1: tracks of every
  * set) model pspnet-small. Prints one line a visit and a summary as JSON. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -2,6 +2,8 @@
  * wide loads from memory and from the second level of cache (GB/s), 16-bit multiplications and byte minima of the
  * kernel level in use (1e9 lanes/s), multiply-adds of floats (1e9/s) and updates at scattered places (1e9/s). Memory is
  * counted by wall time, for the threads share it; the rest by CPU time, which other programs change less. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -2,6 +2,8 @@
  * Views of 16 bits and one channel are in memory, the same few pictures again and again. Prints CSV, one line for each
  * round: the integral on terrain and on a plane, OpenCV's on the plane, ms; the mean difference of the two on the
  * plane, levels. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

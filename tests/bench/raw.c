@@ -1,6 +1,8 @@
 /* Pictures straight from raw frames against rectifying first: raw [WIDTH HEIGHT [THREADS]]. Prints what each step takes
  * and both ways' times for one picture and a sweep of 20, of 1, 4 and all 36 views; and how near to the exact picture
  * they come. Medians of 5, processor time of all threads together. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "tests/raw_field.h"
 
 #include "base/clock.h"

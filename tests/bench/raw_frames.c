@@ -1,6 +1,8 @@
 /* The frames that the cameras of a simulated world deliver, as RR_CC.jpg, and its true calibration:
  *   raw_frames WORLD FOLDER
  * FOLDER exists; it gets frames/, which `sst import folder` reads, and calib.yaml. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -2,6 +2,8 @@
  * each round, filter and, of ours, level of the processor (levels.h): CPU time of resampling 2000x1500 pixels with a
  * lens of 8 coefficients, one thread; the error against the same filter in double at the exact place; and the PSNR of
  * the picture moved by half a pixel and turned there and back. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,4 +1,6 @@
 /* tests/bench/remap.h - OpenCV's remap, the baseline for rectification. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_BENCH_REMAP_H
 #define SST_TESTS_BENCH_REMAP_H
 

@@ -3,6 +3,8 @@
  * Prints CSV, one line for each round, method and, of ours, level of the processor (levels.h), with the picture's error
  * against the picture of all views in double; OpenCV uses all that the processor has. The light field is the bush of
  * the simulator with its true maps, 36 views, made in memory. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,4 +1,6 @@
 /* tests/bench/sgbm.h - OpenCV's block matching, semi-global and plain, the baseline for comparisons. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_BENCH_SGBM_H
 #define SST_TESTS_BENCH_SGBM_H
 

@@ -1,6 +1,8 @@
 /* How long a simulated world takes to prepare, to open again and to deliver frames:
  *   make build/bench/sim_world && build/bench/sim_world [WORLD [CACHE [FOLDER]]]
  * With FOLDER the first frames of some cameras are left there as files. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

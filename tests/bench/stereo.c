@@ -3,6 +3,8 @@
  * of the processor (levels.h); OpenCV uses all that the processor has. stereo LF ROUNDS times OpenCV alone on all views
  * of a light field with its truth, each with its neighbour in the row; line by round and method, for all views
  * together. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

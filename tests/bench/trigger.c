@@ -1,4 +1,6 @@
 /* How well the trigger keeps time: run a train on a chip, or on a simulated one, and show how late beats were. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,6 +1,8 @@
 /* Unplug and replug simulated cameras at random, several at once, while the others stream: how long until each is back,
  * and does any other camera lose a frame? usage: build/bench/unplug [EVENTS [SEED]]   (1000 events take some minutes)
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 
 #include "base/log.h"

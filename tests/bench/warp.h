@@ -1,4 +1,6 @@
 /* tests/bench/warp.h - OpenCV's sums of pictures warped by homographies, the baseline for integrals. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_BENCH_WARP_H
 #define SST_TESTS_BENCH_WARP_H
 

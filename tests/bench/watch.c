@@ -1,6 +1,8 @@
 /* Detection behind a simulated hedge: what is found and how often leaves raise an alarm, by all views (differences
  * first, then integrated), by one camera, and by plain refocusing (pictures integrated, then compared). One world a
  * run; the three see the same pictures. scripts/bench_watch.py runs many and writes docs/measured/bench-watch.md. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

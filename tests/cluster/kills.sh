@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # 100 light fields by 4 workers, 20 of which are killed with -9 at random times and started again: all are there, with the
 # bytes that one process gives, and none was done twice but those of killed workers. Then the time of 4 workers against 1.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 pieces=${PIECES:-100} kills=${KILLS:-20} seed=${SEED:-1} options="--preset preview --threads 1"

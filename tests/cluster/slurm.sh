@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # A job array on a real Slurm: the script of docs/use/cluster.md, one of whose tasks is killed, makes what one process makes.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 export SST_MODELS=$root/models

@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # `sst export colmap`: the commands of each export's README.txt, run by the COLMAP that is installed, triangulate arrays
 # whole, with a hole, with mixed lenses and endings, and views that converge, to the depths of the truth.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 python=${PYTHON:-/usr/bin/python3}

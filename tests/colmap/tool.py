@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Arrays with known depths for COLMAP, of ./scene, and the judgement of the points that it makes: tool.py make|judge EXPORT."""
 import json
 import os

@@ -1,4 +1,6 @@
 /* Fuzz target: calibrations of other tools; the first byte says whose. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdlib.h>
 #include <string.h>
 

@@ -1,4 +1,6 @@
 /* Fuzz target: sstd.yaml. What is accepted compares equal with itself and is told in full. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdlib.h>
 #include <string.h>
 

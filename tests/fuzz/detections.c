@@ -1,4 +1,6 @@
 /* Fuzz target: detections.json, the board's points in pictures. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/calibration/board/coverage.h"
 #include "pipeline/calibration/board/detect.h"
 #include "tests/fuzz/seeds.h"

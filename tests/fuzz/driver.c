@@ -4,6 +4,8 @@
  *
  *   tests/fuzz/NAME [FILE...]     the files alone, to repeat what was found
  *   FUZZ_SEED                     of the mutations; the clock by default */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE /* program_invocation_short_name */
 #include <dirent.h>
 #include <errno.h>

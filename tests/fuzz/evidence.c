@@ -1,4 +1,6 @@
 /* Fuzz target: archives and manifests of videos for others, and subscriptions to notifications. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>

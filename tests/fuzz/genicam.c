@@ -1,4 +1,6 @@
 /* Fuzz target: messages of GenICam cameras: acknowledgements of actions, packed samples, numbers and stamps of frames. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdlib.h>
 #include <string.h>
 

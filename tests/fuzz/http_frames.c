@@ -1,4 +1,6 @@
 /* Fuzz target: WebSocket frames of a client, in pieces of any size. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdlib.h>
 #include <string.h>
 

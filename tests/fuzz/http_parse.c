@@ -1,4 +1,6 @@
 /* Fuzz target: what the HTTP server takes apart itself: paths, hosts, origins, passwords, forms, tags, numbers. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdlib.h>
 #include <string.h>
 

@@ -1,5 +1,7 @@
 /* Fuzz target: the reader of block means from the Huffman code of cameras' JPEG, and parts that are cut out of frames.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <setjmp.h>
 #include <string.h>
 

@@ -1,4 +1,6 @@
 /* Fuzz target: JPEGs of which only parts were recorded, and ones with black blocks. Two bytes say how long the first picture is. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdio.h>
 #include <string.h>
 

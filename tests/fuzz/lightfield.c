@@ -1,4 +1,6 @@
 /* Fuzz target: lightfield.json. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/lightfield/lightfield_internal.h"
 #include "tests/fuzz/seeds.h"
 

@@ -1,5 +1,7 @@
 /* Fuzz target: what a node sends of its sets, by datagram and over TLS, in messages; datagrams get the session's
  * number, so that they are read at all. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <string.h>
 
 #include "capture/link/link_internal.h"

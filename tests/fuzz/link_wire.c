@@ -1,4 +1,6 @@
 /* Fuzz target: a set of a node as bytes, and the naming of its edges. The first byte: how many cameras it has. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <string.h>
 
 #include "capture/link/link_internal.h"

@@ -1,4 +1,6 @@
 /* Fuzz target: meshes of a terrain as OBJ files, drawn onto a grid. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 
 #include "pipeline/image/image_internal.h"

@@ -1,5 +1,7 @@
 /* Fuzz target: the reader of ONNX files, the graph, the shapes, and the plan with a run where the network is small
  * enough. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdlib.h>
 
 #include "pipeline/method/network/graph.h"

@@ -1,5 +1,7 @@
 /* Fuzz target: bytes of strangers that sst-onvif reads: a SOAP message as request with its password and as datagram, a header of
  * Digest, and values. The first byte chooses. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdlib.h>
 #include <string.h>
 

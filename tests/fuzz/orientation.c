@@ -1,4 +1,6 @@
 /* Fuzz target: EXIF's orientation in the bytes of a picture. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <string.h>
 
 #include "pipeline/image/codec.h"

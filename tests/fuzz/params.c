@@ -1,4 +1,6 @@
 /* Fuzz target: parameters.cfg of light fields of the HCI benchmark. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <string.h>
 

@@ -1,4 +1,6 @@
 /* Fuzz target: the reader of plain PNG files. Checksums are put right first: with wrong ones nothing is read. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <string.h>
 
 #include <zlib.h>

@@ -1,4 +1,6 @@
 /* Fuzz target: lightfield.json of posed light fields. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/posed/posed_internal.h"
 #include "tests/fuzz/seeds.h"
 

@@ -1,4 +1,6 @@
 /* Fuzz target: poses of other programs. The first byte says which. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 
 #include "pipeline/posed/import/colmap_internal.h"

@@ -1,4 +1,6 @@
 /* Fuzz target: the simulated still camera's side of PTP. The first byte chooses a fault; transfers follow. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <string.h>
 

@@ -1,4 +1,6 @@
 /* Fuzz target: recording.json, and single lines of sets.jsonl. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <string.h>
 
 #include "capture/recording/recording_internal.h"

@@ -1,5 +1,7 @@
 /* Fuzz target: a recording of which one file is the input; its first byte says which. Checksums of lines are put right
  * first: with wrong ones nothing is read. All sets and frames are read, then the recording is resumed. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE
 #include <fcntl.h>
 #include <string.h>

@@ -1,5 +1,7 @@
 /* tests/fuzz/seeds.h - valid seed inputs, without which a fuzzer rarely gets past the first check; inputs as files, or
  * split into messages. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_FUZZ_SEEDS_H
 #define SST_TESTS_FUZZ_SEEDS_H
 

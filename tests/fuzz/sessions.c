@@ -1,4 +1,6 @@
 /* Fuzz target: the file of browsers' sessions. What is read from it is listed, and written again. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <string.h>
 
 #include "base/file.h"

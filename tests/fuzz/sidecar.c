@@ -1,4 +1,6 @@
 /* Fuzz target: the YAML reader and the description of a network beside it. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdlib.h>
 

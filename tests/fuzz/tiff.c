@@ -1,4 +1,6 @@
 /* Fuzz target: TIFF files as pictures and as grids of numbers. A size agrees with its picture. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/image/image_internal.h"
 #include "pipeline/image/codec.h"
 #include "tests/fuzz/seeds.h"

@@ -1,4 +1,6 @@
 /* Fuzz target: the lines of a day's visits, listed in every way, kept, deleted. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdio.h>
 #include <string.h>
 #include <sys/stat.h>

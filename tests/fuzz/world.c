@@ -1,4 +1,6 @@
 /* Fuzz target: files of simulated worlds. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "simulators/scene/world/settings.h"
 #include "tests/fuzz/seeds.h"
 

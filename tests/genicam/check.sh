@@ -2,6 +2,8 @@
 # Fake GigE cameras, each in a network namespace of its own, on a network that loses packets: every frame is in one bucket, no set is
 # mixed, numbers of frames wrap at 16 bits, and a camera comes back after its cable was cut. Then V4L2 and GenICam cameras in one array,
 # exposed by one trigger. MINUTES=10, CAMERAS=16, LOSS=10 (of 1000 packets), RATE=10 (Hz), MIXED=18 (cameras of each kind; 0: none).
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 . "$root/tests/genicam_lib.sh"

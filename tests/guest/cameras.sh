@@ -1,5 +1,7 @@
 # 36 capture nodes of a real kernel (vivid): all are listed, stream together, and what its error injection does to one of
 # them is counted and named while the others go on.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . tests/guest/lib.sh
 
 load vivid n_devs=36 $(python3 -c '

@@ -1,5 +1,7 @@
 # sst capture array on 36 capture nodes (vivid) and a GPIO chip (gpio-sim) of a real kernel: sets are recorded, what its
 # error injection does to cameras is in the account of every frame, and pulses make sets with time stamps of their edges.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . tests/guest/lib.sh
 
 load vivid n_devs=36 $(python3 -c '

@@ -1,5 +1,7 @@
 /* MJPEG into v4l2loopback nodes until SIGTERM: eight pictures in turn, also written to files 0..7 of the current
    folder. feed WIDTH HEIGHT RATE_HZ CUT_EVERY NODE...   (each CUT_EVERY-th frame ends early; 0: none) */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <fcntl.h>
 #include <linux/videodev2.h>
 #include <signal.h>

@@ -3,6 +3,8 @@
 
    grab [-o DIR] FOURCC WIDTH HEIGHT RATE_HZ SECONDS PORT...   (-o: keep the good frames of the first camera as files)
    grab -l   lists the capture nodes */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE /* pthread_setaffinity_np */
 #include <inttypes.h>
 #include <linux/videodev2.h>

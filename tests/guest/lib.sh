@@ -1,6 +1,8 @@
 # Sourced by tests/guest/*.sh, which run in the emulated machine as root, in the repository (read-only), with a kernel of
 # their own: they load what modules they need and leave none that another test needs otherwise.
 # Afterwards: $sst, $bin (programs of tests/guest), the current folder is $tmp (in memory), fail, skip, wait_for.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 sst=$PWD/${SST_BUILD:-build}/sst
 bin=$PWD/${SST_BUILD:-build}/tests/guest
 tmp=$(mktemp -d)

@@ -1,5 +1,7 @@
 # MJPEG from nodes of a real kernel (v4l2loopback): the bytes arrive as they were fed, damaged pictures are told apart, a
 # feeder that ends and comes back is a camera that stalls and recovers.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . tests/guest/lib.sh
 
 load v4l2loopback devices=4 max_buffers=8

@@ -1,5 +1,7 @@
 # The installed service under a systemd of its own: the unit starts, sees its cameras from inside its sandbox and little
 # else, reloads, comes back after a kill, stays down with a faulty configuration, and is started by its socket.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . tests/guest/lib.sh
 repo=$OLDPWD
 [ -x /lib/systemd/systemd ] || skip "systemd is not installed on the host"

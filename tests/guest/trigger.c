@@ -1,5 +1,7 @@
 /* A train of pulses through drivers/trigger on whatever GPIO chips there are: one line per beat, then the sum.
    trigger [-l] RATE_HZ COUNT PULSE_US CHIP LOOPBACK LINE...   (-l: active low; "" for no chip or no loop-back) */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>

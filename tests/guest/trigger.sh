@@ -1,5 +1,7 @@
 # Pulse trains on GPIO lines of a real kernel (gpio-sim): chips found by label or line name, edges seen on the lines, time
 # stamps of a loop-back line, a line in use is named with its user, a chip that vanishes ends the train.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . tests/guest/lib.sh
 
 modprobe gpio-sim || fail "no gpio-sim" # stays: its chip goes while it is held, which keeps the module

@@ -1,4 +1,6 @@
 /* One rung of drivers/usb on one device.   usb reset|authorise|power PORT */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdio.h>
 #include <string.h>
 

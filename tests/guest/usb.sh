@@ -1,5 +1,7 @@
 # USB devices of a real kernel (gadgets on dummy_hcd): the tree is shown as lsusb shows it, and the rungs of recovery do
 # what they say to a device: reset, authorisation, port power.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . tests/guest/lib.sh
 
 load dummy_hcd num=3

@@ -1,6 +1,8 @@
 /* A wire between two lines of gpio-sim, which has none: copies the level of one to the other until SIGTERM, then prints
    how many pulses there were.   wire FROM/value TO/pull   (TO: "" only counts)
    It looks ten thousand times a second, but an emulator on a busy machine may stand still for longer than a pulse. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <fcntl.h>
 #include <signal.h>
 #include <stdio.h>

@@ -1,5 +1,7 @@
 /* Kernels of colour agreement and of map enlargement: every level against the reference, byte for byte, and the
  * references against hand-worked values. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,6 +1,8 @@
 /* The largest error of every kernel that computes with floats or rounds, against the formulas of tests/reference/, and
  * the largest sums of those that count. All levels give the bytes of the references (the other tests of this folder),
  * so the references are measured here. Every kernel has a line. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <float.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,6 +1,8 @@
 /* Kernels of the clear picture and of moving maps: every level against the reference, byte for byte, buffers ending at
  * an unmapped page.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdlib.h>
 #include <string.h>
 

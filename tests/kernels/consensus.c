@@ -1,4 +1,6 @@
 /* Kernels of the sweep in scene space: every level against the reference, buffers ending at an unmapped page. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <string.h>
 
 #include "pipeline/kernels/kernels.h"

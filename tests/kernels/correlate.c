@@ -1,4 +1,6 @@
 /* Kernel of the drift check: every level against the reference, and the reference against hand-worked values. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <string.h>
 
 #include "pipeline/kernels/kernels.h"

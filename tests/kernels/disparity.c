@@ -1,4 +1,6 @@
 /* Every kernel of the disparity stage, at every level this CPU has, against its plain reference. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

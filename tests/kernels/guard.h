@@ -1,4 +1,6 @@
 /* tests/kernels/guard.h - buffers that end at an unmapped page, so that accesses beyond the end fault. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_KERNELS_GUARD_H
 #define SST_TESTS_KERNELS_GUARD_H
 

@@ -1,4 +1,6 @@
 /* The kernels of the second pass, at every level this CPU has, against their plain references. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <string.h>
 
 #include "pipeline/kernels/kernels.h"

@@ -1,4 +1,6 @@
 /* Kernels of the labels: known values of the reference, every level equal to it, buffers ending at an unmapped page. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* light_row: against the exact chain in double, every level against the reference, buffers ending at unmapped pages. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,5 +1,7 @@
 /* Resampling of posed views: every level against the reference, byte for byte, pictures ending at an unmapped page; the
  * reference against interpolation in double. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdint.h>
 #include <stdio.h>

@@ -1,4 +1,6 @@
 /* sha256: published values, an independent library at every length around the blocks, every level. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <sha2.h>
 #include <stdio.h>
 #include <string.h>

@@ -1,4 +1,6 @@
 /* The kernels of the refinement between pixels, at every level this CPU has, against their plain references. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <string.h>
 

@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # Evidence judged by others: reuse on the tree, the bill of materials against CycloneDX's own schema (npm), whole releases of two clones. Downloads both; needs root for Debian's
 # packages where they are missing, node's npm, and the network.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 build=$root/${SST_BUILD:-build}

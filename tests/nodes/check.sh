@@ -4,6 +4,8 @@
 # mixed, and sets are hardly later than on one host. MINUTES=30, NODES=2, LOSS=0.02, DELAY="25 25" (ms each way, +- ms), CYCLE=60 (s),
 # DATAGRAMS=true (false: over TLS alone), PARITY=10, LATER=150 (ms that the head's sets may be later than those of one host). The last
 # lines are a table for docs/measured/notes-service.md.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 [ "$(id -u)" -eq 0 ] || { echo "network namespaces need root"; exit 77; }

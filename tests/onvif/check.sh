@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # Foreign clients on sst-onvif, in networks of their own: npm's onvif, node-onvif and onvif-nvt, Debian's onvif-util, ffprobe over UDP and
 # TCP. Downloads them into a temporary folder; needs root, node and npm.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 build=$root/${SST_BUILD:-build}

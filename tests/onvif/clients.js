@@ -1,4 +1,6 @@
 // Foreign clients of npm on sst-onvif: clients.js PORT USER PASSWORD ADDRESS. Prints a line for each call; status 1 where one of them fails.
+// SPDX-FileCopyrightText: 2026 The sst contributors
+// SPDX-License-Identifier: Apache-2.0
 "use strict";
 const [port, username, password, hostname] = [+process.argv[2], process.argv[3], process.argv[4], process.argv[5]];
 let failed = 0;

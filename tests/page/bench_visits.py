@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Memory and frames of the page with many visits, in a headless Chromium: bench_visits.py PICTURES [VISITS]
 
 PICTURES is a folder of tests/page/pictures.sh, VISITS how many (500). Not in the gate: figures of an idle machine. Scrolls through all cards

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Drives a headless Chromium over its debugging pipe, with the standard library alone."""
 import base64
 import json

@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """A service that only pretends: speaks docs/integrate/api.md with pictures made by tests/page/pictures.sh, so that the page can be
 worked on and tested without cameras.   fake.py --pictures DIR [--port N] [--still]
 

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """What the tests of the page have in common: the service that pretends, conditions, and parts of the page."""
 import json
 import os

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """What users do with cameras, events, recordings, visits and zones: tests of test_page.py."""
 import json
 import os

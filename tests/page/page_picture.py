@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """What users do with the picture: tests of test_page.py."""
 import json
 import urllib.request

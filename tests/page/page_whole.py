@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """The page as a whole: hints, who may do what, states of the service, other tabs and screens: tests of test_page.py."""
 import json
 import time

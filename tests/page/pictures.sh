@@ -2,6 +2,8 @@
 # pictures.sh SST SCENE WxH STEPS OUT: real pictures for tests/page/fake.py: a simulated scene seen through (sst_NN.jpg) and
 # plainly refocused (refocus_NN.jpg) at STEPS focuses from far to near, clear at as many cuts (clear_NN.jpg; not at the farthest,
 # which remove everything), its maps, and the views of all cameras.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -eu
 sst=$1 scene=$2 size=$3 steps=$4 out=$5
 tmp=$(mktemp -d)

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """test_page.py PICTURES: what users do on the page, in a real browser, against tests/page/fake.py."""
 import os
 import sys

@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Calibration reports of made-up solutions, drawn by a browser. test_report.py TOOL: in the current folder.
 
 Every section is there and no script fails; nothing comes from elsewhere; links and pictures lead somewhere; user text

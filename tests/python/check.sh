@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # Notebooks whole, on simulated cameras, and python3-sst on public light fields below SHARED (docs/design/test-data.md), if they are there.
 # check.sh [SHARED]; tests/system/python.sh is the part of `make check`.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 shared=${1-}
 . "$(dirname "$0")/../lib.sh"

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """Mutations of files that python3-sst reads: each is read, or refused with one sentence. mutate.py SECONDS [SEED]
 
 In the current folder: bush.lf, flight.lf, calib.yaml, rec-parts, as tests/python/check.sh makes them.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 """python3-sst against `sst export npz`, the light fields that `sst import recording` makes, and damaged files: readers.py SST [PART ...]"""
 import dataclasses
 import json

@@ -1,4 +1,6 @@
 /* tests/reference/disparity.h - design.md, 5.2 and 5.8, written down plainly. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_REFERENCE_DISPARITY_H
 #define SST_TESTS_REFERENCE_DISPARITY_H
 

@@ -1,4 +1,6 @@
 /* tests/reference/geometry.h - lenses, rotations, projection and homographies (calib.h, rectification.md) plainly. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_REFERENCE_GEOMETRY_H
 #define SST_TESTS_REFERENCE_GEOMETRY_H
 

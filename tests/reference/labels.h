@@ -1,4 +1,6 @@
 /* tests/reference/labels.h - design.md, 5.1, written down plainly. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_REFERENCE_LABELS_H
 #define SST_TESTS_REFERENCE_LABELS_H
 

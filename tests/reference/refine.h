@@ -1,4 +1,6 @@
 /* tests/reference/refine.h - design.md, 5.3, written down plainly. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_REFERENCE_REFINE_H
 #define SST_TESTS_REFERENCE_REFINE_H
 

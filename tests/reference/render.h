@@ -1,4 +1,6 @@
 /* tests/reference/render.h - design.md, 5.4 and 5.6, written down plainly. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_REFERENCE_RENDER_H
 #define SST_TESTS_REFERENCE_RENDER_H
 

@@ -1,5 +1,7 @@
 /* tests/reference/wide.h - numbers wider than double, in which the formulas of the design page are written down
  * plainly. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_REFERENCE_WIDE_H
 #define SST_TESTS_REFERENCE_WIDE_H
 

@@ -3,6 +3,8 @@
 # assembles sets, and every frame is in one place. The product's cost of a camera is measured apart from the simulation.
 # MINUTES=10, RATE=30 (sets/s), ROWS=5, COLS=20, NODES=4, SCENE=cat, QUALITY=50 (of the cameras' JPEGs), LIVE=false (of the head),
 # SKIP=false (hosts: skip_unchanged), QUOTA=4 (GB of each node's recordings), DISK=/tmp (where they lie), OUT=FILE (table for docs/measured/scale.md).
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 disk=$(mktemp -d -p "${DISK:-${TMPDIR:-/tmp}}") # recordings; a hundred simulated devices have thousands of small files, which belong into memory
 export TMPDIR=/dev/shm

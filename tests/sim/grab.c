@@ -1,4 +1,6 @@
 /* drivers/grab on simulated cameras: every fault that a camera can have, plugging, recovery. Runs itself in sst-sim. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <dirent.h>
 #include <errno.h>
 #include <signal.h>

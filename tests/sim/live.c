@@ -1,5 +1,7 @@
 /* From camera frames to see-through pictures: sets of simulated scenes, JPEG as cameras send it, go into the live
  * light field, and the viewers' pictures are compared with the truth behind the occluders. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <pthread.h>

@@ -1,5 +1,7 @@
 /* sst-mqtt between a fake service and a real broker: messages, commands, last will, reconnecting, brokers that refuse
  * or hang. Visits: mqtt_visits.c. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "tests/mqtt_session.h"
 
 static void motion(bool active)

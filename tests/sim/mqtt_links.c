@@ -1,5 +1,7 @@
 /* sst-mqtt and faults between it and brokers: links that die unnoticed, limits of size, MQTT 3.1.1 alone, a
  * client id that is used twice. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <poll.h>
 #include <pthread.h>
 #include <stdatomic.h>

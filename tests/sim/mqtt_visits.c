@@ -1,4 +1,6 @@
 /* sst-mqtt: visits of the service as Home Assistant sees them. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "tests/mqtt_session.h"
 
 static void visit(const char *name, bool active, const char *label, const char *zones)

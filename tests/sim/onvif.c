@@ -1,5 +1,7 @@
 /* sst-onvif beside a service that answers: visits reach a subscriber, guesses and floods are limited, its end waits for
  * nobody. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <fcntl.h>
 #include <netinet/in.h>

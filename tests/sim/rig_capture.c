@@ -1,5 +1,7 @@
 /* A capture over a grid with simulated drives: poses, folder, manifest, resume, refusals, the light field at the end.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <fcntl.h>
 #include <sys/stat.h>

@@ -1,5 +1,7 @@
 /* Every fault of the simulated drives during a capture: named, counted, recovered or reported in time, never a view
  * that was taken while the rig moved. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 
 #include "base/log.h"

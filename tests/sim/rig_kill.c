@@ -3,6 +3,8 @@
  * the manifest never lies, and in the end every view fits its line, by the strip in its picture. Argument: how
  * many kills; more than 10 take a whole grid of 36 views. Runs itself in sst-sim.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <jansson.h>
 #include <sha2.h>

@@ -1,4 +1,6 @@
 /* The rig driver against the simulated drives, over TCP and over a serial line: open, home, move, stand still, stop. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <signal.h>
 #include <stdio.h>

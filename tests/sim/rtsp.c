@@ -1,5 +1,7 @@
 /* sst-rtsp on synthetic pictures: read by ffmpeg and by clients that misbehave; reloads, a port in use, the service's
  * end. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "tests/rtsp_bench.h"
 
 #if WITH_RTSP

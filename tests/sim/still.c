@@ -1,4 +1,6 @@
 /* Still cameras, simulated: detection, settings that are read back, files, and each fault by its name. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,4 +1,6 @@
 /* drivers/trigger on the simulated GPIO chip: trains with loop-back stamps, groups, and every fault by its name. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdatomic.h>
 #include <stdio.h>

@@ -1,5 +1,7 @@
 /* drivers/usb on the simulated tree: the list, resets that really take the camera away and bring it back, and refusals.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>

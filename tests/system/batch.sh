@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # `sst batch` of recordings in memory: the pictures of the way through folders, for every format, with a calibration, with
 # views that are missing or displaced; what is written and what is not.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 writer=$root/${SST_BUILD:-build}/tests/tools/record_writer

@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # The comparison behind `make bench-check`: a slower stage is named, noise that stages and loops share is not.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -euo pipefail
 dir=$(mktemp -d)
 trap 'rm -rf "$dir"' EXIT

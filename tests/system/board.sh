@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # sst board: boards to print, in true scale, and refusals.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 
 "$sst" board chessboard:10x7:25mm -o chess.svg >out || fail "chess.svg"

@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # `sst calibration`: every format read by rules of its own, written here anew, and by OpenCV's FileStorage.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 python=${PYTHON:-/usr/bin/python3}

@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # A mis-mounted array, calibrated from pictures of a board that it took itself, then used on a scene: the disparity of
 # the rectified light field against exact truth, as good as with the true parameters; and refusals on the way.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "${BASH_SOURCE[0]}")/../lib.sh"
 build=$root/${SST_BUILD:-build}
 sim=$build/sst-sim

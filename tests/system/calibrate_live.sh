@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # sst calibrate --live: corners from simulated cameras until enough framesets are accepted, the recording and the picture
 # of the coverage beside them, an end by Ctrl-C, and cameras that see no board.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "${BASH_SOURCE[0]}")/../lib.sh"
 sim=$root/${SST_BUILD:-build}/sst-sim
 [ -x "$sim" ] || skip "sst-sim is not built"

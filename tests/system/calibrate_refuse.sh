@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # sst calibrate: what the command line and a file of corners must be refused for, with the right exit code, one sentence
 # and nothing left; the corners are made here, of a board before two pinhole cameras.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "${BASH_SOURCE[0]}")/../lib.sh"
 
 cat >make.py <<'P'

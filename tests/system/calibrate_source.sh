@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # What sst calibrate refuses of its sources before a picture is looked at: grids that the source or the configuration
 # contradicts would lead beyond what they hold.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "${BASH_SOURCE[0]}")/../lib.sh"
 
 "$sst" scene cat --size 64x48 --grid 2x3 -o rig >out 2>err || fail "scene: $(cat err)"

@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # sst cameras and sst identify on simulated cameras: present ones with their places, missing ones, and the pictures.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 sim=$root/${SST_BUILD:-build}/sst-sim
 [ -x "$sim" ] || skip "$sim is not built: no simulated cameras"

@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # sst capture array on simulated devices: whole sets on GPIO edges, free run and software marks, faults named and
 # accounted for, a recording that light fields are made of, and refusals.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "${BASH_SOURCE[0]}")/../lib.sh"
 sim=$root/${SST_BUILD:-build}/sst-sim
 [ -x "$sim" ] || skip "sst-sim is not built"

@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # sst capture rig on simulated drives and cameras: plan, refusals, a capture over RTU, Ctrl-C and going on, a trigger line,
 # a camera that goes, and the result in the commands that read light fields.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 sim=$root/${SST_BUILD:-build}/sst-sim
 rig=(--grid 1x3 --pitch 3mm --backlash 0.3 --profile sst-sim --camera SIM0000 --size 320x240 --speed 300 --accel 2000

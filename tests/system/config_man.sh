@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # The committed manual page of the configuration is the one that its table gives, and man can show it.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 "$root/scripts/config_man.py" --build "${SST_BUILD:-build}" --check >out 2>&1 || fail "config_man.py: $(cat out)"

@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # sst demo: a service on one simulated array, calibrated; the user's edits in its folder stay.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 need libcurl
 build=$root/${SST_BUILD:-build}

@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # scripts/deps.sh on a machine whose mirror does not answer at first: tried again; nothing is asked of apt when all is there.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 

@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # Refusals of commands: the right exit code, one sentence that names the fault, no file left or lost.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 

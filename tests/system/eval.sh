@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # sst eval: a light field with its exact maps is perfect, see-through beats plain refocusing, faults are one sentence.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 sst=${SST_BUILD:-build}/sst
 dir=$(mktemp -d)

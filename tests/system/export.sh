@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # `sst export colmap` and `nerfstudio`: read by their documented rules, written here anew, against points whose places in
 # the pictures are known.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 python=${PYTHON:-/usr/bin/python3}

@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # `sst find` of a simulated flight: folder, JSON, GeoJSON; options that exclude each other, sources without poses.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 python=${PYTHON:-/usr/bin/python3}

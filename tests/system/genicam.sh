@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # Two fake GigE cameras in network namespaces: their list, a capture by commands with packets lost, settings read back, a camera that
 # is not there, PTP by sst doctor. `make check-genicam` has sixteen, cut cables, and both kinds of cameras in one array.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 . "$root/tests/genicam_lib.sh"
 

@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # The trigger with libgpiod 2.x on a machine that has 1.x: headers and library come from Debian 13's packages into
 # build/gpiod2 (kept there), nothing is installed. Compiles without a warning, and its tests pass with the newer library.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 

@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # --device: pictures on Mesa's software device against the CPU's, what ends on the CPU, damaged caches, devices that are
 # missing. Without lavapipe it fails.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 . "$root/tests/lavapipe.sh"

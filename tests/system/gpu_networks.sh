@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # --device: networks on Mesa's software device against the CPU's, on 8 bits and on floats: labels, features, what ends on the CPU,
 # variants of shaders. Without lavapipe it fails.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 . "$root/tests/lavapipe.sh"

@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # A real browser, which sends origins and keeps cookies as it thinks right: logging in, and moving pictures as H.264 and as JPEG.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 tool=$root/${SST_BUILD:-build}/tests/tools/http_pictures
 /usr/bin/python3 -c "import sys; sys.path.insert(0, '$root/tests/page'); import cdp; sys.exit(cdp.program() is None)" ||

@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # H.264 over WebSocket, by a client that is not ours: pictures, key pictures, slow and hostile viewers, limits, TLS.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 tool=$root/${SST_BUILD:-build}/tests/tools/http_pictures
 need libavformat

@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # Ten viewers at ten pictures a second, by a client that is not ours: each gets them all, and they cost little.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 tool=$root/${SST_BUILD:-build}/tests/tools/http_pictures
 command -v curl >/dev/null || skip "curl is not installed"

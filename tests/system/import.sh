@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # `sst import` and `sst export` on real light fields, and on input that must be refused.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 data=$(cd "$root/../shared/data" 2>/dev/null && pwd) || skip "../shared/data is absent"

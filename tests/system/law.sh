@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # sst doctor --law: each fault of retention, access and encryption is found, with its key; a configuration without them has none.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 
 # item FOLDER/NAME WHY DAYS: something stored that ended so long ago

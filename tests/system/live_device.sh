@@ -3,6 +3,8 @@
 # reports it, a device that fails on request, one that is not there: the live picture goes on, and the status, metrics, events and
 # journal say so. Without lavapipe it fails. PARTS are those to run; SECONDS_LONG is the time of `losses`, LOSSES their number, HZ its
 # sets per second, SIZE its views; FIGURES gets its figures, a line for each loss.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 need libcurl
 . "$root/tests/lavapipe.sh"

@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # The service with ten simulated cameras on a rod over a forest, tilted and at unequal heights: it finds the ground, shows it
 # refocused, seen through and clear, near to the truth without trees, and stores posed light fields that sst render reads.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 . "$root/tests/service_lib.sh"
 log=sstd.log

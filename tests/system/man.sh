@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # Man pages and completion fit the programs, are in order, and complete the words that a user begins to type.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 [ "$("$sst" --describe | wc -l)" -gt 20 ] || fail "--describe: $("$sst" --describe | head -c 300)"
 "$root/scripts/man.py" --build "${SST_BUILD:-build}" --check || fail "stale"

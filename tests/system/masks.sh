@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # Privacy masks in the service: black regions in pictures, streams, recordings, exports, videos and
 # see-through pictures; a reload moves them; without its masks nothing is captured. Also in sst capture array and sst identify.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 need libcurl
 /usr/bin/python3 -c 'import PIL' 2>/dev/null || skip "no PIL for /usr/bin/python3 (python3-pil)"

@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # `sst models`, networks by name and with descriptions of their own, manifests, and files that must be refused.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 export SST_MODELS=$tmp/mine

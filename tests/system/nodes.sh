@@ -2,6 +2,8 @@
 # Two nodes and a head on this machine: their sets become one array's; nodes and head that are killed come back; a count that
 # slips is put right; datagrams that are lost are restored, and where none arrive pictures go over TLS; each frame is in one place
 # over all hosts; recordings of the nodes are joined.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 need libcurl
 need libgpiod

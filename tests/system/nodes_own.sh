@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # A head that has cameras of its own, and a node: sets have the frames of both, a slip of the head's own count is put right,
 # and a camera of its own that is unplugged is missing.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 need libcurl
 need libgpiod

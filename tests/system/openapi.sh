@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # The committed openapi.json and status.md match the tables, and `sst status` names members of the status only.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 "$root/scripts/openapi.py" --build "${SST_BUILD:-build}" --check >out 2>&1 || fail "openapi.py: $(cat out)"

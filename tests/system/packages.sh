@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # Debian packages, without building them: each file that `make install` puts somewhere belongs to one package, each program has a man page
 # and completions for three shells with their values, scripts and profiles are in order, and versions and build dependencies agree.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 build=$root/${SST_BUILD:-build}
 for program in sst sstd sst-sim sst-rtsp sst-mqtt sst-onvif libsst-opencv.so libsst-video.so libsst-gphoto.so; do

@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # The page in a real browser, against a service that only pretends (tests/page/fake.py), with real pictures.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 

@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # sst topology, sst plan and the findings of sst doctor about USB, on a tree of devices by umockdev.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 command -v umockdev-run >/dev/null || skip "umockdev is not installed"

@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # `sst import poses`, `sst import pictures`: output lines, and bad sources, each refused in one sentence.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 python=${PYTHON:-/usr/bin/python3}

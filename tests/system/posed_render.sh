@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # `sst render` and `sst sweep` of light fields with a pose for every view: outputs of 8 and 16 bits and floats, terrain, the
 # ground, same bytes with any number of threads, and bad surfaces, each refused in one sentence with nothing written.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 

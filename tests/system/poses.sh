@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # `sst poses`: poses of simulated flights, the report, views that cannot be placed, and refusals in one sentence.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 need opencv

@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # From a scene to see-through pictures and back out, as a user goes: scene, process, render, sweep, eval, export, import.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 cd "$(dirname "$0")/../.." || exit 1
 sst=$PWD/${SST_BUILD:-build}/sst

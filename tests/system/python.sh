@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # Readers for others: python3-sst and libsst-read against `sst export npz`, recordings, a service that is not ours, and damaged files.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 build=$root/${SST_BUILD:-build}

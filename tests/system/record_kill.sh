@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # A recorder is killed (SIGKILL) at random times, and goes on in the same folder: every set that it said was written is there
 # with all its bytes, at most the one in flight is not. tests/system/record_kill.sh [KILLS] [SEED]; 10 and the time.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 kills=${1:-10} seed=${2:-$(date +%s)}

@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # `sst recording` and `sst import recording`, the files in other programs, and a disk that is full or read-only.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 writer=$root/${SST_BUILD:-build}/tests/tools/record_writer

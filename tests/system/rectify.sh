@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # `sst rectify` and `sst import --calib`: a simulated array that is mounted badly, its true calibration, disparities
 # against the truth of the scene, and refusals.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 sim=$root/${SST_BUILD:-build}/sst-sim

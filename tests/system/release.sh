@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # Version of the release: the tree names one, the programs report it, and each file that names another one is named.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 "$root/scripts/release_check.sh" 2>err || fail "this tree: $(cat err)"
 version=$(sed -nE 's/^VERSION := (.*)/\1/p' "$root/Makefile")

@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # `sst render` and `sst sweep` on a simulated scene with its true maps, and wishes that must be refused.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 

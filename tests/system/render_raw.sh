@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # `sst render --sampling`: choice of the way, nearly the same pictures by both, and refusals.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 ok() { timeout 600 "$sst" "$@" >out 2>err || fail "sst $*: $(head -c 400 err)"; }

@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # A certificate that is renewed while the service runs: by sst reload, by SIGHUP; a stream that is open stays.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 need libcurl
 command -v openssl >/dev/null || skip "no openssl to make certificates with"

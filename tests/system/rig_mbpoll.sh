@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # The simulated drives as somebody else's Modbus client sees them, over TCP and RTU: homed and moved by mbpoll alone.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 sim=$root/${SST_BUILD:-build}/sst-sim
 command -v mbpoll >/dev/null || skip "mbpoll is not installed"

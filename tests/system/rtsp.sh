@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # sst-rtsp and sst-onvif beside the service: their clients are in the status; the end of one does not touch the others; a reload is
 # followed; what recorders ask of sst-onvif leads them to the stream.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 . "$root/tests/service_lib.sh"
 log=sstd.log

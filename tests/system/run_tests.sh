@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # scripts/run_tests.sh: failures and their report.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 make_test() { printf '#!/bin/bash\n%s\n' "$2" >"$1" && chmod +x "$1"; }
 make_test good 'exit 0'

@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # sst segment as a user meets it: one image, many, folders, strips, and images that are damaged.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 cd "$(dirname "$0")/../.." || exit 1
 sst=$PWD/${SST_BUILD:-build}/sst

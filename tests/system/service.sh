@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # The service on simulated devices: it comes up, survives faults, reports them, and ends in time.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 need libcurl
 . "$root/tests/service_lib.sh"

@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # Requests to the service on simulated devices: a view of one's own, visits, exports, videos, and what is refused.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 need libcurl
 . "$root/tests/service_lib.sh"

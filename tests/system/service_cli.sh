@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # sst as a client of the service: its output, exit codes, and a service that is away, hangs or answers nonsense.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 need libcurl
 export SST_SOCKET=$tmp/s

@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # sstd as systemd runs it, and sst as its client, on simulated cameras: readiness, status, watchdog, reload, stop, a kill, a
 # faulty configuration, a socket that is there before it. This script is the systemd.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 build=$root/${SST_BUILD:-build}
 [ -x "$build/sst-sim" ] || skip "sst-sim is not built: no simulated cameras"

@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # Workers that share light fields: one is killed, another takes its work over, and the bytes are those of one process.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 options="--preset preview --no-labels --threads 1"

@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # Workers that share the views of one light field: in every step one is killed with -9 while it holds a piece, another
 # one takes that over, and the bytes are those of one process.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 export SST_MODELS=$root/models

@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # A stop overtakes the reloads that wait before it: the service ends in its order, not by its alarm.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 build=$root/${SST_BUILD:-build}
 

@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # Simulated GPIO chips under libgpiod's programs and under plain ioctls of uAPI 2: names, values, edges, exposures, faults.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 build=$root/${SST_BUILD:-build}
 until=$root/tests/until.sh

@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # A simulated still camera under gphoto2, and sst capture rig with it: detection, settings, files; then a grid of 36
 # poses with a dozen random faults and a kill -9, each fault named, resumed, and every file as the camera holds it.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 build=$root/${SST_BUILD:-build}
 export sst sim=$build/sst-sim SST_PROFILES=$root/config/profiles

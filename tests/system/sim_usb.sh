@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # The simulated USB tree under lsusb, libusb, libudev, udevadm and the shell: present devices, plugs, and bandwidth.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 build=$root/${SST_BUILD:-build}
 sim="timeout 600 $build/sst-sim --quiet --world $root/simulators/scene/world/worlds/small.yaml"

@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # Simulated cameras under other people's programs: conformance, grabbing, triggers, faults, sessions.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 build=$root/${SST_BUILD:-build}
 until=$root/tests/until.sh

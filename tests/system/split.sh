@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # cameras: split: pictures of simulated boards with 2x2 sensors become four cameras each. Their pictures equal the ones of
 # cameras on their own, byte by byte; a lost frame is lost for all four; a board of another size is refused.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "${BASH_SOURCE[0]}")/../lib.sh"
 sim=$root/${SST_BUILD:-build}/sst-sim
 [ -x "$sim" ] || skip "sst-sim is not built"

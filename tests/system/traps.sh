@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # The chain in a sanitized build that ends at floating-point exceptions: invalid operations, divisions by zero, overflow.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 set -u
 . "$(dirname "$0")/../lib.sh"
 checked=$root/build-address-undefined/sst

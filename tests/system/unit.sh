@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # The installed service: where everything goes, that systemd takes the units, how exposed they are, and that nothing is
 # left of it afterwards.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 build=$root/${SST_BUILD:-build}
 [ -x "$build/sstd" ] || skip "sstd is not built"

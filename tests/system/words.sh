@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
 # Stand-ins for nouns in comments: counted in changed lines against a base, in all of a clone of one commit and of an archive.
+# SPDX-FileCopyrightText: 2026 The sst contributors
+# SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 mkdir scripts && cp "$root/scripts/check_words.py" scripts/
 export GIT_CONFIG_GLOBAL=/dev/null GIT_CONFIG_SYSTEM=/dev/null GIT_AUTHOR_NAME=t GIT_AUTHOR_EMAIL=t GIT_COMMITTER_NAME=t GIT_COMMITTER_EMAIL=t

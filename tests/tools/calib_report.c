@@ -4,6 +4,8 @@
  * rows=6 cols=6 frames=100 across=15 down=10 width=2000 height=1500 noise=0.1 outliers=0.003 hole=-1 unsolved=-1
  * bent=-1 moved=-1 rig=0 light=1 pictures=1 nasty=0 (names with markup) cross=0.061 (nan: not done) plain=0 (nothing
  * optional) forgotten=0 (all figures unknown) */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "base/clock.h"
 #include "pipeline/calibration/report/report.h"
 #include "tests/calib_solution.h"

@@ -9,6 +9,8 @@
  * with the values that they may have. The first failure is printed with its seed, which repeats it. With `hash` one
  * line per seed has a hash of all results, to compare CPU levels and rounding.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <fenv.h>
 #include <math.h>

@@ -1,6 +1,8 @@
 /* A server that shows made-up pictures: http_pictures FOLDER VIEWERS SECONDS HZ BYTES; tells its port, waits for
  * its viewers, and prints its costs at its end: "cpu PERCENT, PICTURES pictures, SKIPPED skipped". BYTES 0: JPEGs with a square
  * that walks, half as wide while FOLDER/small exists, of an hour ago while FOLDER/past does. With FOLDER/cert.pem and key.pem over TLS; SIGTERM ends it. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <signal.h>
 #include <stdio.h>

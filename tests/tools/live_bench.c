@@ -11,6 +11,8 @@
  * pictures) tracks=0 (1: prints them) alarms=0 (false ones accepted an hour of things behind leaves; 0: no search).
  * slowest=0: stage times of this number of sets, the slowest first. truth=LABEL: how right that label is in every set,
  * and how often it is reported to have appeared (of a world with ideal cameras). */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -10,6 +10,8 @@
  * parts: after the first set, differences from it alone (with jpeg); first: index of
  * the first set; stay: after an error go on with the next set 20 ms later; the first time that recording is not
  * possible those sets do not count, a minute at most: somebody is about to mend it. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <time.h>

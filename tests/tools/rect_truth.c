@@ -7,6 +7,8 @@
  * meet nothing, are infinite: unknown. OUT/visible/rr_cc.pfm is the same with those pixels unknown too that one of the
  * neighbouring cameras does not see.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

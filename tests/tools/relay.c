@@ -4,6 +4,8 @@
  * hands on what comes to FROM_ADDRESS to TO_ADDRESS, TCP and UDP. Standard input says how, a line each: `udp 0` drops
  * all datagrams, `udp 1` none, `loss 0.05` that share of them, each on its own. It ends with its input, and prints how
  * many it has carried and lost. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE /* accept4() */
 #include <arpa/inet.h>
 #include <netinet/in.h>

@@ -1,5 +1,7 @@
 /* tests/tools/sim_bus.c - GPIO by uAPI 2, libusb and libudev, as programs use them; for tests/system/sim_*.sh.
  * Prints a line for each thing found; exit 1: something is not as on a real system, 77: built without the library. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <fcntl.h>
 #include <linux/gpio.h>

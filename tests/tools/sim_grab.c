@@ -3,6 +3,8 @@
  * usage: sim_grab DEVICE COUNT [FOURCC [WIDTHxHEIGHT [TRIGGER_MODE]]], or sim_grab --luma FILE WIDTHxHEIGHT
  * Exit status 0; 1: a frame without a good strip; 2: a call failed, its name and errno on standard error; 3: no frame
  * in a minute (-t MS before everything else: another limit). */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <fcntl.h>
 #include <linux/videodev2.h>

@@ -3,6 +3,8 @@
  *   strips RECORDING [RECORDING ...]   several: of several hosts, joined
  * Prints one JSON object: sets, frames, unread (pictures without a strip) and mixed (sets with frames of several
  * triggers). Exit status 1: a set is mixed. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

@@ -5,6 +5,8 @@
  * makes an interface in each namespace (as of `ip netns add`) and carries Ethernet frames between them. Standard input
  * says how, a line each: `loss 0.02` (of each direction), `delay 25 25` (ms, and +- ms, each packet on its own, so that
  * they overtake each other), `cut 1`, `cut 0`. It ends with its input. Needs root. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE
 #include <fcntl.h>
 #include <linux/if.h>

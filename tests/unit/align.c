@@ -1,4 +1,6 @@
 /* Alignment of pictures: displacement and gains are measured and corrected, pictures of another scene are named. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

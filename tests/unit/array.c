@@ -1,4 +1,6 @@
 /* The array's configuration: the shipped file equals the defaults, values arrive, faults are all told with places. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* base/: files that appear whole or not at all, parallel work. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <dirent.h>
 #include <errno.h>
 #include <math.h>

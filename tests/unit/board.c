@@ -1,4 +1,6 @@
 /* Boards: parsing and formatting, points, markers, and printing. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,5 +1,7 @@
 /* The largest error of the formulas of design.md and of the geometry that run in double, against those of
  * tests/reference/ in wider numbers: random inputs, and those at which they cancel. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,4 +1,6 @@
 /* Calibrations of other tools: hand-worked answers for each convention, refusals, and round trips. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,5 +1,7 @@
 /* pipeline/calibration/report: figures against hand-worked ones, verdicts, texts, and the JSON of ordinary, odd and
  * empty solutions. The page itself is tested in a browser by tests/system/calib_report.sh. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,4 +1,6 @@
 /* calib.yaml: every number survives a round trip bit for bit, every fault is reported with its position. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <float.h>
 #include <math.h>

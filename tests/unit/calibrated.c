@@ -1,4 +1,6 @@
 /* Light fields of raw frames: a plane with a known picture on it, seen by an array that is mounted badly. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdint.h>

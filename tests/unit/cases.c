@@ -1,3 +1,5 @@
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE /* memmem */
 /* Videos for others: the file's form against the limits of players, its pictures and captions, manifest, archive, cancelling. */
 #include "capture/evidence/evidence.h"

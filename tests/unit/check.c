@@ -2,6 +2,8 @@
  *
  * A view shows two depths (a disc before a wall), computed at exact places, so shifts and rolls of any size are exact.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

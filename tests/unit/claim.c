@@ -1,4 +1,6 @@
 /* base/claim: pieces that processes share are claimed by one, and again once it gives no sign of life. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

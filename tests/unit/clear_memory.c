@@ -1,4 +1,6 @@
 /* Memory of clear pictures: surfaces seen a moment ago, and their end. Maps are made by hand. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdlib.h>
 #include <string.h>
 

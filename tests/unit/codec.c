@@ -1,4 +1,6 @@
 /* pipeline/image: PNG, maps, PFM and numpy files, levels of 16 bits, noise, and refusals; JPEG is in codec_jpeg.c. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <signal.h>

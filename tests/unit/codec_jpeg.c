@@ -1,4 +1,6 @@
 /* pipeline/image: JPEG and its orientations, damaged files, files of other programs. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE
 #include <errno.h>
 #include <ftw.h>

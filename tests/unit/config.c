@@ -1,4 +1,6 @@
 /* The service's configuration: the shipped file, the table, parts in conf.d, faults with places, differences. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,4 +1,6 @@
 /* Coverage: counts, criteria, text and picture; detections sorted and in files. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdio.h>
 #include <unistd.h>
 

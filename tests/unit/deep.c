@@ -1,4 +1,6 @@
 /* Levels of 8 and 16 bits: files, and the stretch that shows them. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 

@@ -1,4 +1,6 @@
 /* Inputs at which formulas have no answer of their own: each has a defined result, which `make bounds` lists. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <fenv.h>
 #include <math.h>

@@ -1,4 +1,6 @@
 /* Detection of boards in pictures with known truth: positions, numbers, blur, and false detections. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdio.h>
 #include <unistd.h>
 

@@ -1,4 +1,6 @@
 /* Photographs of a chessboard by two cameras: all found, and as well as by OpenCV (tests/board_pictures.py). */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

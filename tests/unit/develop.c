@@ -1,4 +1,6 @@
 /* Raw files: nothing that LibRaw would choose by a picture's content may differ between the views of one camera. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

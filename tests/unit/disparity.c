@@ -1,4 +1,6 @@
 /* The steps of the disparity stage, each formula with values worked by hand. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

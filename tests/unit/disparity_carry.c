@@ -1,4 +1,6 @@
 /* Maps of matched views carried to the others: where pixels arrive, which surface wins, gaps, what no view sees. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <string.h>

@@ -1,4 +1,6 @@
 /* Matching on a device, on the dummy device: the bytes of the CPU, faults, what ends on the CPU. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 
 #include "base/log.h"

@@ -1,4 +1,6 @@
 /* Matching with the learned cost on the dummy device: the bytes of the CPU, with little memory and faults as well. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 
 #include "pipeline/method/network/device.h"

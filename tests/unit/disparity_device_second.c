@@ -1,4 +1,6 @@
 /* The second pass and the carrying of maps on the dummy device: the bytes of the CPU, whatever fails where. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "base/log.h"
 #include "tests/match_field.h"
 #include "tests/second_field.h"

@@ -1,4 +1,6 @@
 /* The disparity stage as a whole: two textured planes seen by arrays of several shapes, and nothing to match. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,5 +1,7 @@
 /* One pair by one cost volume in tiles: paths go on across tiles and windows, threads change nothing, known disparities
  * are found at any range, small surfaces are dropped, margins continue planes, edges and holes follow the colours. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,4 +1,6 @@
 /* The winner of the matching costs alone, and which networks may make features. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

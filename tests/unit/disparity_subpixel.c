@@ -1,4 +1,6 @@
 /* Refinement between pixels: a slanted surface whose maps hold quarter pixels, seen by 3x3 cameras of unlike gains. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

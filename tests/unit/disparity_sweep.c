@@ -1,4 +1,6 @@
 /* The sweep: points of a surface that no map has, and the candidates that they make. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,4 +1,6 @@
 /* The second pass: gaps between bars whose maps closed them, thin bars that the maps lost. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

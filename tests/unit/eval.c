@@ -1,4 +1,6 @@
 /* pipeline/eval: figures of merit against hand-worked values and direct loops. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <string.h>

@@ -1,5 +1,7 @@
 /* pipeline/eval/report: a small simulated light field on disk, measured against its own truth and against damaged
  * truth. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,4 +1,6 @@
 /* Features of views that are cut into bands, against one run of the network over the whole view. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,4 +1,6 @@
 /* A table of fields gives the members of a structure as JSON and as metrics. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,5 +1,7 @@
 /* Searches of simulated forests (pipeline/posed/find/find.h): walkers that views show are found at their places, and
  * nothing else. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/posed/find/find.h"
 
 #include <errno.h>

@@ -1,5 +1,7 @@
 /* Simulated arrays and flights over a forest (simulators/flight/): the same bytes for any number of threads, depths and
  * pictures of the true cameras, errors of the written poses. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "simulators/flight/flight.h"
 
 #include <math.h>

@@ -1,4 +1,6 @@
 /* Assembly of sets: hand-worked timelines, and random ones in which every frame must end in exactly one bucket. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

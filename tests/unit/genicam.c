@@ -1,4 +1,6 @@
 /* Pure parts of drivers/genicam: formats, numbers of frames, clock, action commands. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <arpa/inet.h>
 #include <linux/videodev2.h>
 #include <stdlib.h>

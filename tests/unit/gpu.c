@@ -1,5 +1,7 @@
 /* pipeline/gpu/ and pictures on a device, on the dummy device: choice, limits, faults, what ends on the CPU; the cache
  * of pipelines and verdicts. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <dirent.h>
 #include <errno.h>
 #include <sys/stat.h>

@@ -1,5 +1,7 @@
 /* The Vulkan back end on Mesa's software device, lavapipe, under the validation layers where they are installed.
  * Without lavapipe it fails: a build with shaders whose shaders nobody runs is not tested. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE
 #include <errno.h>
 #include <fenv.h>

@@ -1,4 +1,6 @@
 /* Grabbing without devices: faults in a frame's bytes, assignment of devices to cameras, names of controls. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <linux/videodev2.h>
 #include <stdio.h>

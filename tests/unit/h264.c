@@ -1,4 +1,6 @@
 /* H.264 encoder: pictures are decodable at once, key pictures on request, bytes within their limit, sizes checked. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/video/h264.h"
 
 #include <errno.h>

@@ -1,5 +1,7 @@
 /* What is wrong with the cameras' frames: told when it begins and ends, in a line for all cameras that have it, and
  * ever more seldom when it comes and goes. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <string.h>
 
 #include "capture/array/array_internal.h"

@@ -1,4 +1,6 @@
 /* Terrain files: grids by libtiff with their place, and meshes. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

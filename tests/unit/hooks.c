@@ -1,4 +1,6 @@
 /* Hooks: arguments of a program, which no shell sees, limits of time and number, and stopping. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <signal.h>
 #include <stdio.h>

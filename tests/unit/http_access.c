@@ -1,4 +1,6 @@
 /* Access rights: every route of the table for every kind of client, and the headers that a request must bear. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "tests/http_fake.h"
 
 #include "daemon/publish/publish_internal.h"

@@ -1,4 +1,6 @@
 /* Downloads of stored data over HTTP: whole, in parts, and never a half as if it were whole. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "tests/http_fake.h"
 #include "tests/quick.h"
 

@@ -1,4 +1,6 @@
 /* WebSocket frames: messages however they arrive, and a code for each kind of frame that is not allowed. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdlib.h>
 #include <string.h>
 

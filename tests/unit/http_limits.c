@@ -1,4 +1,6 @@
 /* Limits of clients: silence, trickles, floods, garbage; no resource stays in use afterwards. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "tests/http_fake.h"
 #include "tests/quick.h"
 #include "tests/random.h"

@@ -1,4 +1,6 @@
 /* Opening: refusals and their messages, sockets that are in use or left over, tokens, TLS. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "tests/http_fake.h"
 
 #include <sys/resource.h>

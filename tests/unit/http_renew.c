@@ -1,4 +1,6 @@
 /* Certificates that are renewed while the server runs: by hand and by themselves, good ones and bad ones. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "tests/http_fake.h"
 
 #include "daemon/publish/publish_internal.h"

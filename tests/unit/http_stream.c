@@ -1,4 +1,6 @@
 /* Pictures and events over HTTP: each viewer gets as many as it has time for, and no viewer waits for another. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "tests/http_fake.h"
 #include "tests/quick.h"
 

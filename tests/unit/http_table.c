@@ -1,4 +1,6 @@
 /* The table of routes and docs/integrate/api.md name exactly the same; texts of clients are taken apart rightly. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

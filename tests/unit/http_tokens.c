@@ -1,4 +1,6 @@
 /* Named tokens, identities of proxies and the audit log: over HTTP, and their files. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "tests/http_fake.h"
 
 #include "capture/access/access.h"

@@ -1,4 +1,6 @@
 /* H.264 over WebSocket: pictures of all samplings for all viewers, damaged ones, ends, and counts afterwards. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "tests/http_fake.h"
 
 #include "pipeline/image/codec.h"

@@ -1,4 +1,6 @@
 /* Import and export of light fields: each conversion with a known answer, and refusals. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

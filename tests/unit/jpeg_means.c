@@ -1,4 +1,6 @@
 /* pipeline/image/jpeg_means: against libjpeg's own decoding at 1/8, on every kind of frame, and on damaged ones. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdbool.h>
 #include <stdint.h>

@@ -1,5 +1,7 @@
 /* pipeline/image/jpeg_parts.c, daemon/storage/parts.c, capture/recording/picture.c: of a camera's frames only what
  * differs from a whole one is recorded, and read as whole pictures again. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <linux/videodev2.h>
 #include <stdio.h>

@@ -1,5 +1,7 @@
 /* pipeline/image/jpeg_split: parts of pictures of every kind against libjpeg's blocks of the whole, pictures that
  * cannot be cut, and damaged ones; raw views against the same pictures packed. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <setjmp.h>
 #include <stdio.h>

@@ -1,4 +1,6 @@
 /* Huffman tables that a JPEG leaves out: the tables of annex K.3 are put in, and no other byte is touched. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,4 +1,6 @@
 /* Which views are labelled, how far their labels differ, and what gaps between carried labels become. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <string.h>
 

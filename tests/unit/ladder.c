@@ -1,4 +1,6 @@
 /* drivers/grab/ladder: hand-worked timelines. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 
 #include "drivers/grab/grab_internal.h"
 #include "tests/test.h"

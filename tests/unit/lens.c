@@ -1,4 +1,6 @@
 /* pipeline/camera/camera.c: the lens model and its inverse, and rotations as vectors. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

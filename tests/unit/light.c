@@ -1,4 +1,6 @@
 /* Photometric calibration from samples with known gains and fall-offs, and from drawn boards; then its correction. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

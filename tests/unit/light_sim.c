@@ -1,5 +1,7 @@
 /* Photometric calibration of simulated cameras from pictures of each kind of board, compressed as cameras do, against
  * the light that the simulator took. `light_sim WORLD.yaml` does the same with a world file and prints the figures. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 
 #include "tests/camera_project.h"

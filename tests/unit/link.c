@@ -1,4 +1,6 @@
 /* capture/link: sets of two nodes arrive at a head, by datagrams and over TLS; each frame ends in one place. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "tests/link_session.h"
 
 static bool both_heard(const struct node *left, const struct node *right)

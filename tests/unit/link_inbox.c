@@ -1,5 +1,7 @@
 /* capture/link/inbox: what came of a node, by datagram and over TLS, becomes sets in their order; what does not come is
  * asked for once, and missed when its time is over; datagrams of anybody do no harm. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

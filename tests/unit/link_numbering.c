@@ -1,4 +1,6 @@
 /* capture/link: one numbering of triggers for hosts that count the same edges, with clocks of their own. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,5 +1,7 @@
 /* capture/link/pieces: any pieces that suffice restore a message; parity is that of the plain formula; datagrams of
  * anybody are refused or harmless. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

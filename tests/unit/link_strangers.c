@@ -1,4 +1,6 @@
 /* Strangers at a head's port, and refusals; nodes of the array are served meanwhile. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdatomic.h>
 

@@ -1,5 +1,7 @@
 /* pipeline/live/picture/behind.c: of cells behind leaves that move, those that show what they have shown are rendered a
  * third as often, until something changes there; pipeline/live/picture/memory.c remembers them as much longer. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,4 +1,6 @@
 /* pipeline/live/frames/burnt.c: which changes are text in the frames, and when they are read. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <string.h>
 
 #include "pipeline/live/frames/frames_internal.h"

@@ -1,5 +1,7 @@
 /* Clear pictures of a light field that changes: what is kept from the last one, things removed by a click, the
  * automatic cut. Maps are true. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

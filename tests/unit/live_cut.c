@@ -1,5 +1,7 @@
 /* The automatic cut of clear pictures: just behind the foreground of simulated scenes, by their truth, and in front of
  * everything that moves behind it. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

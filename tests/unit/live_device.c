@@ -1,5 +1,7 @@
 /* Live pictures on the dummy device against those of the CPU, of a light field that changes: whole and in parts, all
  * methods; devices that fail, come back, or are not there. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

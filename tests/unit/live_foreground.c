@@ -1,4 +1,6 @@
 /* Foreground: labels of moving objects before a wall, by the network's votes in a part of their cells. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdlib.h>
 #include <string.h>
 

@@ -1,4 +1,6 @@
 /* Live frames: kept tiles against the cameras' pictures, made here; compared with exact mode. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdint.h>

@@ -1,5 +1,7 @@
 /* pipeline/live/frames on simulated cameras: noise, unequal gains, light that drifts, somebody who walks by. What is
  * kept never differs from what exact mode keeps by more than the budget. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdint.h>

@@ -1,5 +1,7 @@
 /* pipeline/live/hidden: somebody behind a hedge in the wind is found, at the right place and depth; the leaves are not.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,5 +1,7 @@
 /* pipeline/live/identities.c: one identity for what the scene's tracks and the search behind leaves see of one thing,
  * on parts made here; pipeline/live/hidden/follow.c: who is reported of the images of one thing. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <string.h>
 

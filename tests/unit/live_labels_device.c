@@ -1,5 +1,7 @@
 /* Labels of a live scene on the dummy device against those of the CPU: of the reference view and of all views, with
  * devices that fail, come back, or are not there. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <unistd.h>
 
 #include "base/log.h"

@@ -1,6 +1,8 @@
 /* The live path takes no memory from set to set: what it needs it has after the first sets. malloc() is counted, of
  * libraries too; what is left (the decoder's and the encoder's small pools, the picture that is shown) is small and
  * does not grow. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <malloc.h>
 #include <stdatomic.h>

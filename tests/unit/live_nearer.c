@@ -1,5 +1,7 @@
 /* pipeline/live: an object enters that is closer than the range of disparities found so far. The picture is compared
  * with the truth from the first set on. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,5 +1,7 @@
 /* Clicks on light fields made by hand: layers of noise, each with a disparity and holes, and maps that are
  * right or wrong about them. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,5 +1,7 @@
 /* pipeline/live/posed/: ten simulated cameras over a forest, tilted and at unequal heights; the ground is found, and
  * pictures equal results of sst_posed_render(). */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

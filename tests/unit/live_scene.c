@@ -1,4 +1,6 @@
 /* pipeline/live/scene: maps that follow a small light field in which a square moves before a wall, and their pieces. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,4 +1,6 @@
 /* Tracks: identities of moving objects, on pieces of a foreground made here. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <string.h>
 

@@ -1,4 +1,6 @@
 /* Unchanged frames: pictures equal to the last accepted one. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,5 +1,7 @@
 /* Pictures of a light field that changes: parts against the whole, the default focus, picking, overlays. The light
  * field's maps are those of simulated scenes; what follows cameras is tested in tests/sim/live.c. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

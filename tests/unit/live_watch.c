@@ -1,5 +1,7 @@
 /* pipeline/live/watch.c: somebody who passes behind a hedge is one hidden track of the live light field, which has only
  * its own maps. The detection itself, in wind, is tested in live_hidden.c. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <linux/videodev2.h>
 #include <math.h>

@@ -1,5 +1,7 @@
 /* base/log_limit: one line a minute for an address, with a count of the others, and no more addresses than are
  * remembered. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <arpa/inet.h>
 #include <netinet/in.h>
 #include <stdio.h>

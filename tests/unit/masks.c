@@ -1,5 +1,7 @@
 /* pipeline/image/blank.c, capture/array/masks.c: masked regions leave no information in frames, whatever their format; masks
  * of the reference view are placed where any point of the region is seen. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <linux/videodev2.h>
 #include <math.h>

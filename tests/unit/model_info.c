@@ -1,4 +1,6 @@
 /* Descriptions of networks (YAML beside them, metadata inside them) and manifests. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,4 +1,6 @@
 /* Networks as a whole: sizes, OpenCV's runner, 8 bits, shipped networks, what is refused. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "base/log.h"
 #include "pipeline/image/codec.h"
 #include "tests/network_bench.h"

@@ -1,4 +1,6 @@
 /* Convolutions of the network runner against plain loops: paddings, groups, residual blocks, threads. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "tests/network_bench.h"
 
 static void convolutions_equal_plain_loops(void **state SST_UNUSED)

@@ -1,4 +1,6 @@
 /* Networks on the dummy device: results against those of the CPU, what ends on the CPU, memory, faults. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "base/log.h"
 #include "tests/device_nets.h"
 #include "tests/self_tests.h"

@@ -1,4 +1,6 @@
 /* Layers of the network runner other than convolutions, against plain loops: pools, resizes, over channels. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "tests/network_bench.h"
 
 /* --- pools --- */

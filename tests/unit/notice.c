@@ -1,4 +1,6 @@
 /* Faults of pictures: JPEG by its steps, blur by its edges, noise, missing views. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,4 +1,6 @@
 /* Damaged and hostile network files: an error in one sentence, never a crash. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

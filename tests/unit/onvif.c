@@ -1,4 +1,6 @@
 /* sst-onvif without a network: XML of requests, values, passwords, every answer, events and subscriptions, discovery. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "tests/test.h"
 
 #include <stdio.h>

@@ -1,4 +1,6 @@
 /* pipeline/lightfield/parallax: views that differ by noise, gain or overlaid text only have no parallax. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

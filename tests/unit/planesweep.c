@@ -1,5 +1,7 @@
 /* The sweep in scene space: maps of foliage against the truth, the same for any number of threads and over tiles,
  * masks, missing views, limits. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <string.h>

@@ -1,4 +1,6 @@
 /* PNG packing: the bytes of a file depend on its map alone. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>

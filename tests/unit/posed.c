@@ -1,4 +1,6 @@
 /* Folder of a posed light field: the round trip, and a fault for every field. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <jansson.h>
 #include <math.h>

@@ -1,6 +1,8 @@
 /* pipeline/posed/ground.c and clear.c: a forest under ten cameras in a row, drawn by the test: a textured floor, leaves
  * in front that hide most of it, thermal levels of 16 bits; the ground is found, and the clear picture shows the floor.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* Imports of poses: each format written here from a model with known projections; round trips by the exports. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

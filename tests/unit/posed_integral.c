@@ -1,5 +1,7 @@
 /* pipeline/posed/integral.c and surface.c: a drawn world of one textured surface under ten tilted cameras with lenses;
  * the integral on the surface is its texture. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* Lenses, moments and names of imports without poses: MATLAB's files built here byte by byte, other calibrations. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,4 +1,6 @@
 /* Adjustment of poses (pipeline/posed/solve/): skyline algebra, tracks, starts and priors on simulated sights. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* Poses from pictures (pipeline/posed/solve/) of simulated flights with known truth, and of pictures that have none. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

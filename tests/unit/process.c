@@ -1,4 +1,6 @@
 /* The stages in memory: computed and kept maps, and the same labels by the short way. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,4 +1,6 @@
 /* Notifications: test vectors of RFC 8291, addresses, stored subscriptions, and a push service on this machine. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <arpa/inet.h>
 #include <errno.h>
 #include <math.h>

@@ -1,4 +1,6 @@
 /* pipeline/image/raw: uncompressed frames as pictures, with hand-worked values. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

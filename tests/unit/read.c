@@ -1,4 +1,6 @@
 /* libsst-read: sizes of its structures, pixels, cameras and maps of a lattice, refusals as text. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,5 +1,7 @@
 /* capture/recording: what is recorded is read back byte for byte, by us and by others; damage is reported; what cannot
  * be is refused. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <fcntl.h>
 
 #if WITH_AVFORMAT

@@ -1,4 +1,6 @@
 /* Recordings after cuts and failures: all accepted sets are there and nothing else. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <sys/syscall.h>
 #include <sys/wait.h>
 

@@ -1,4 +1,6 @@
 /* Recordings of several hosts, joined by trigger. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "tests/recording_tests.h"
 
 #define CAMERAS 3

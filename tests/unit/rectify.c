@@ -1,4 +1,6 @@
 /* Rectification: hand-worked arrays, the disparity law on random points, the map against the exact chain. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdint.h>

@@ -1,6 +1,8 @@
 /* pipeline/method/refine: fits, distances, planes, energies against hand-worked values and plain loops; rules of the
  * driver.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

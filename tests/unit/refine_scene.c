@@ -1,5 +1,7 @@
 /* pipeline/method/refine: labels of a synthetic light field of things standing on a table, and that the normals earn
  * their keep. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

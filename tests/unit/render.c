@@ -1,5 +1,7 @@
 /* pipeline/method/render/: hand-worked weights and pixels, equalities, and pictures against a plain renderer in double.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE
 #include <errno.h>
 #include <fenv.h>

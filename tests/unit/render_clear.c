@@ -1,4 +1,6 @@
 /* pipeline/method/render/clear.c, cut.c, object.c: known worlds, a plain reference in double, holes, faults. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

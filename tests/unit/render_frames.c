@@ -1,4 +1,6 @@
 /* Raw frames on the dummy device: rectified and sampled there, encoded ones, its faults, what ends on the CPU. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 
 #include <turbojpeg.h>

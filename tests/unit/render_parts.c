@@ -1,4 +1,6 @@
 /* Clear pictures in bands of rows, on the dummy device: the CPU's bytes, whatever fits; and what does not. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "tests/frames_field.h"
 #include "tests/gpu_field.h"
 #include "tests/self_tests.h"

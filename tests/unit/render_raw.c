@@ -1,4 +1,6 @@
 /* Pictures straight from raw frames against pictures of rectified views and against the exact ones. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdint.h>
 #include <unistd.h>
 

@@ -1,5 +1,7 @@
 /* Clear pictures whose rays are sampled from raw frames, on the dummy device: those of the CPU, in bands, with labels
  * and masks, of encoded frames and of corrected pictures, and what fails. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "base/log.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/lightfield/correction.h"

@@ -1,4 +1,6 @@
 /* Pictures with skips: exact without them, within the budget with them, hard fields, counters, threads. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,5 +1,7 @@
 /* pipeline/method/render/: which pixels of a picture rays support, by definition and by hand, and what the others show.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE
 #include <fenv.h>
 #include <math.h>

@@ -1,5 +1,7 @@
 /* A recording is played: its sets come at their time and speed, moments are jumped to, clients do not disturb each
  * other. That pictures are made of its sets as live shows tests/sim/live.c; here they are those of the cameras. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "daemon/service/engine_internal.h"
 #include "daemon/service/service_internal.h"
 #include "daemon/storage/video_internal.h"

@@ -1,4 +1,6 @@
 /* Requests on a serial line to a drive that answers late: each reading is of its own register. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE /* posix_openpt */
 #include <errno.h>
 #include <fcntl.h>

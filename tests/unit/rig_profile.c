@@ -1,4 +1,6 @@
 /* Drive profiles: the ones that ship are read; faults are told with line and column. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <dirent.h>
 #include <errno.h>
 #include <stdio.h>

@@ -1,4 +1,6 @@
 /* pipeline/gpu/shared: one opening for several kinds of work, which is closed and opened again for all. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 
 #include "base/log.h"

@@ -1,4 +1,6 @@
 /* simulators/scene: geometry worked by hand, truth that holds between views, folders that are the same every time. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <dirent.h>
 #include <errno.h>
 #include <math.h>

@@ -1,4 +1,6 @@
 /* The segmenter: metadata, scaling of the image and of the probabilities, errors. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

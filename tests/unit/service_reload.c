@@ -1,4 +1,6 @@
 /* Reload of each key of the configuration, and the service when the wall clock is set. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE
 #include <errno.h>
 #include <math.h>

@@ -1,4 +1,6 @@
 /* pipeline/lightfield/share: steps whose items several workers compute, each once, and all have the maps of. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <signal.h>
 #include <stdio.h>

@@ -1,5 +1,7 @@
 /* Boards of simulated worlds: cameras that move on the way, the optics of another scene, a board that moves during the
  * exposure, one that stays in a pose, and parameters without a prepared world. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "tests/camera_project.h"
 #include "tests/sim_truth.h"
 

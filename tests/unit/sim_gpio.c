@@ -1,4 +1,6 @@
 /* tests/unit/sim_gpio.c - simulated GPIO chips behave like the kernel's gpiolib, in both versions of its uAPI. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <linux/gpio.h>
 #include <stdio.h>

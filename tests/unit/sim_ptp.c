@@ -1,5 +1,7 @@
 /* tests/unit/sim_ptp.c - the simulated still camera's protocol: transactions, packets, settings, exposures, bad input.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,5 +1,7 @@
 /* Simulated geometry against its truth: projected points, disparity of an ideal array, incremental drawing of motion,
  * the rolling shutter, the rig's pose, and boards read by OpenCV. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "tests/sim_truth.h"
 
 #include <sys/wait.h>

@@ -1,4 +1,6 @@
 /* tests/unit/sim_usb.c - the simulated USB tree: plugging, bandwidth, descriptors. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>

@@ -1,5 +1,7 @@
 /* Simulated frames: valid JPEG with its strip at any quality and size, other formats, light, the loop's time, the
  * cache, and invalid world files. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "tests/sim_test.h"
 
 #include <dirent.h>

@@ -1,4 +1,6 @@
 /* The solver's algebra and derivatives against hand-worked values and differences; its compressed rows against all. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <string.h>

@@ -1,4 +1,6 @@
 /* Real pictures of a chessboard by two cameras: our solution against OpenCV's from the same corners. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

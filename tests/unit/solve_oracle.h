@@ -1,4 +1,6 @@
 /* tests/unit/solve_oracle.h - OpenCV's own calibration, to compare with. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_TESTS_UNIT_SOLVE_ORACLE_H
 #define SST_TESTS_UNIT_SOLVE_ORACLE_H
 

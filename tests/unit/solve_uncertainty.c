@@ -1,4 +1,6 @@
 /* Predicted uncertainty against what really happens: many made-up arrays, each solved, each compared with its truth. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <string.h>
 

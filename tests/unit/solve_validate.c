@@ -1,4 +1,6 @@
 /* Faulty captures are refused with a message that names fault, place and size; never fitted silently. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <string.h>

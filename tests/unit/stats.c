@@ -1,4 +1,6 @@
 /* base/stats: orders, medians and quantiles of hand-worked values; none, one, NaN. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <string.h>
 

@@ -1,4 +1,6 @@
 /* tests/unit/still.c - still cameras: which choice a text stands for, and whether a JPEG is complete. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

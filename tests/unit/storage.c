@@ -1,5 +1,7 @@
 /* daemon/storage: what is wanted is recorded, from the set that it should begin with to the one that it should end
  * with. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <sys/wait.h>
 

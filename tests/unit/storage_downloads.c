@@ -1,4 +1,6 @@
 /* Downloads, whole and in parts, left-overs of a kill, and deletion. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <fcntl.h>
 
 #include "daemon/storage/storage_internal.h"

@@ -1,4 +1,6 @@
 /* daemon/storage on bad disks: full, hung, gone, shared, killed. Each fault is a state that passes by itself. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE
 #include <sched.h>
 #include <signal.h>

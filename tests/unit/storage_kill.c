@@ -1,6 +1,8 @@
 /* A service is killed (SIGKILL) at each step of making room and of beginning a recording, and at any moment of doing
  * both at once: what it had said to be recorded, and was not removed since, is there; its next run puts the rest in
  * order. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <dirent.h>
 #include <fcntl.h>
 #include <signal.h>

@@ -1,4 +1,6 @@
 /* Retention: order of removal, and limits of the room. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "daemon/storage/storage_internal.h"
 #include "tests/storage_bench.h"
 

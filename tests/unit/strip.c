@@ -1,4 +1,6 @@
 /* The strip: its bits by hand, every field and its limits, and that a wrong bit anywhere is refused. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <string.h>
 #include <unistd.h>

@@ -1,4 +1,6 @@
 /* TIFF files that libtiff writes: every layout that is read gives the levels that were written. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 

@@ -1,4 +1,6 @@
 /* drivers/trigger: ticks, steps of a pulse, clocks of edge stamps; trains of time marks; refusals of open. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <pthread.h>
 #include <stdio.h>

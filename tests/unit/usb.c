@@ -1,4 +1,6 @@
 /* drivers/usb: the tree read from files laid out like sysfs, descriptors, port names, bandwidth sums worked by hand. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

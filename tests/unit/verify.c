@@ -1,4 +1,6 @@
 /* Verified rays: a bush with maps that know nothing behind it, good maps, foci without a surface. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

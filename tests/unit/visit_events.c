@@ -1,5 +1,7 @@
 /* daemon/service/engine_visits.c, engine_lines.c: tracks, also of who is behind leaves, become visits in the events and
  * on disk: zones, direction, distance, and the lines that they cross. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

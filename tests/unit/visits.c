@@ -1,4 +1,6 @@
 /* Visits: kept on disk, listed, and removed in time. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdatomic.h>
 #include <stdio.h>

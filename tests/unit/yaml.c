@@ -1,4 +1,6 @@
 /* The strict YAML reader: trees with places, typed values, every fault with line and column, limits. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

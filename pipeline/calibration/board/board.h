@@ -1,4 +1,6 @@
 /* pipeline/calibration/board/board.h - calibration boards: kinds, sizes, and the positions of their points. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_CALIBRATION_BOARD_BOARD_H
 #define SST_PIPELINE_CALIBRATION_BOARD_BOARD_H
 

@@ -1,4 +1,6 @@
 /* Chessboards: detected by OpenCV, then renumbered to our convention. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

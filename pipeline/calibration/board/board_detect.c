@@ -1,4 +1,6 @@
 /* Detection of the board in one picture: grey, find, refine, classify. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

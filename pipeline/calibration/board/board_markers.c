@@ -1,4 +1,6 @@
 /* Markers of ChArUco boards and AprilGrids, read and kept as far as they agree on one pose of the board. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* Points of a board, from its anchors: predicted from neighbours, refined, and checked against each other. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -8,6 +8,8 @@
  * P(t) = erf(t / sqrt 2), f the normal density: the expansion of the bivariate normal distribution (Mehler), of
  * which the first three terms are kept. S(-t1, -t2) = S(t1, t2).
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/calibration/board/board_internal.h"
 
 #include <math.h>

@@ -1,4 +1,6 @@
 /* pipeline/calibration/board/coverage.h - coverage of picture, tilts and depths by detections, per camera. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_CALIBRATION_BOARD_COVERAGE_H
 #define SST_PIPELINE_CALIBRATION_BOARD_COVERAGE_H
 

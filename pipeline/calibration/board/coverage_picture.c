@@ -1,4 +1,6 @@
 /* Coverage as a picture: one tile for each camera at its grid position. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>

@@ -1,4 +1,6 @@
 /* pipeline/calibration/board/detect.h - detection of a board's points in pictures, and the list of detections. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_CALIBRATION_BOARD_DETECT_H
 #define SST_PIPELINE_CALIBRATION_BOARD_DETECT_H
 

@@ -1,4 +1,6 @@
 /* List of all detections of a capture: sorted, chessboards numbered consistently within a frame. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,4 +1,6 @@
 /* Detections as JSON (docs/integrate/formats.md); numbers survive a round trip bit for bit. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <jansson.h>
 #include <math.h>

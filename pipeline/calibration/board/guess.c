@@ -1,4 +1,6 @@
 /* Guess of the board in a picture, for error messages: kinds, dictionaries and sizes are tried. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,4 +1,6 @@
 /* pipeline/calibration/board/homography.h - homographies from a plane to its picture: fit, apply, derivatives. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_CALIBRATION_BOARD_HOMOGRAPHY_H
 #define SST_PIPELINE_CALIBRATION_BOARD_HOMOGRAPHY_H
 

@@ -1,4 +1,6 @@
 /* Loader of opencv_boards.cc, the part libsst-opencv.so. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdatomic.h>
 
 #include "base/log.h"

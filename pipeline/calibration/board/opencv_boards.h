@@ -1,4 +1,6 @@
 /* pipeline/calibration/board/opencv_boards.h - plain C interface to OpenCV's boards and markers. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_CALIBRATION_BOARD_OPENCV_BOARDS_H
 #define SST_PIPELINE_CALIBRATION_BOARD_OPENCV_BOARDS_H
 

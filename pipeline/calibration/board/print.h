@@ -1,4 +1,6 @@
 /* pipeline/calibration/board/print.h - printable boards as SVG or PNG, at true scale. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_CALIBRATION_BOARD_PRINT_H
 #define SST_PIPELINE_CALIBRATION_BOARD_PRINT_H
 

@@ -1,4 +1,6 @@
 /* The drift check: grey pyramids, matches of all pairs, the camera displacements that explain them, the verdict. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

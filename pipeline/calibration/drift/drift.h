@@ -1,5 +1,7 @@
 /* pipeline/calibration/drift/drift.h - drift check: verifies from scene features, without a board, that the views are
  * still rectified. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_CALIBRATION_DRIFT_DRIFT_H
 #define SST_PIPELINE_CALIBRATION_DRIFT_DRIFT_H
 

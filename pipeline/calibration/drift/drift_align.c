@@ -8,6 +8,8 @@
  * A window that shows two depths aligns with neither. Its error was measured on scenes with known truth: close to
  * sqrt(1 - correlation) px, whatever the scene; so the correlation, less the loss by noise, is the quality that
  * matches are chosen and weighed by. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <string.h>
 

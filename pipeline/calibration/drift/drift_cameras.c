@@ -10,6 +10,8 @@
  * Gauge freedoms, which no match determines: a common s, and s = c * offset (another d for all). Their sums are set to
  * 0 in the equations, so that sigmas are relative to the array; then the gauge is fixed by least absolute deviations
  * (drift_gauge.c), so that a few cameras that are far off do not bias the others. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

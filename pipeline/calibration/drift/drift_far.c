@@ -1,4 +1,6 @@
 /* Consistency beyond neighbours: disparities along rows against columns, and views at opposite corners. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

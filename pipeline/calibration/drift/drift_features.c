@@ -2,6 +2,8 @@
  *
  * Only the levels that the search needs are made: the half-size level in one pass over the picture, smaller ones from
  * it. Full size is read around features alone (drift_read_patch). */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <string.h>

@@ -1,5 +1,7 @@
 /* The gauge: shifts that no match observes, fixed so that most cameras are undisplaced. Least absolute deviations, by
  * least squares with weights of one over the deviation (Schlossmacher 1973). */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stddef.h>
 #include <string.h>

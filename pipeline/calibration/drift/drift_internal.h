@@ -1,5 +1,7 @@
 /* pipeline/calibration/drift/drift_internal.h - features, matches and camera states of the drift check; callers use the
  * public header. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_CALIBRATION_DRIFT_DRIFT_INTERNAL_H
 #define SST_PIPELINE_CALIBRATION_DRIFT_DRIFT_INTERNAL_H
 

@@ -10,6 +10,8 @@
  *
  * With exponents (another gamma), a camera's log light is (1 + e) l + a constant: g_b + e_b (l - m) - g_a - e_a (l - m), l the
  * mean log light of the match, m of all matches. The common part is not observable, and is not undone. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

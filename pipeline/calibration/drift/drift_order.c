@@ -1,4 +1,6 @@
 /* Swapped views, mirrored or transposed grids: whether another order of the pictures makes bad pairs good. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

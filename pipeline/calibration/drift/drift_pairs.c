@@ -1,4 +1,6 @@
 /* Pairs of neighbours: search ranges, and all their matches. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

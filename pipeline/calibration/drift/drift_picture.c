@@ -1,4 +1,6 @@
 /* Picture of the drift check: cameras in their grid, coloured by displacement, arrows for shifts, bars for pairs. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,4 +1,6 @@
 /* Search of a feature in another view: correlation of a small block over a band about the predicted line. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 
 #include "pipeline/calibration/drift/drift_internal.h"

@@ -1,5 +1,7 @@
 /* pipeline/calibration/photometric/photometric.h - photometric calibration: gain and vignetting of each camera, from
  * pictures of a board. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_CALIBRATION_PHOTOMETRIC_PHOTOMETRIC_H
 #define SST_PIPELINE_CALIBRATION_PHOTOMETRIC_PHOTOMETRIC_H
 

@@ -1,4 +1,6 @@
 /* White patches of boards: located by the corners around them, measured in linear light. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

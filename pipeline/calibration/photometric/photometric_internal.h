@@ -1,5 +1,7 @@
 /* pipeline/calibration/photometric/photometric_internal.h - gains and fall-off fitted to logs of light; callers use
  * photometric.h. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_CALIBRATION_PHOTOMETRIC_PHOTOMETRIC_INTERNAL_H
 #define SST_PIPELINE_CALIBRATION_PHOTOMETRIC_PHOTOMETRIC_INTERNAL_H
 

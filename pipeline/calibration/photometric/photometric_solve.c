@@ -1,4 +1,6 @@
 /* Gain and fall-off of each camera from samples of white patches: selection of samples, the fit, its report. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

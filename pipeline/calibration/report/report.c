@@ -1,4 +1,6 @@
 /* The report's page: report.html with the figures in it. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/calibration/report/report.h"
 
 #include <errno.h>

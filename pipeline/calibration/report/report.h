@@ -1,5 +1,7 @@
 /* pipeline/calibration/report/report.h - acceptance report of a calibration: one self-contained HTML page, text, JSON.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_CALIBRATION_REPORT_REPORT_H
 #define SST_PIPELINE_CALIBRATION_REPORT_REPORT_H
 

@@ -1,4 +1,6 @@
 /* The acceptance criteria of a calibration, and the verdict. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>

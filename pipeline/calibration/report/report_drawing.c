@@ -1,4 +1,6 @@
 /* Drawings of the report's page: maps, residual vectors, cut-outs of the worst pictures. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,4 +1,6 @@
 /* Figures beyond the solution's own numbers: sums over regions, worst pictures, histogram, directions. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

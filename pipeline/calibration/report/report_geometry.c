@@ -1,4 +1,6 @@
 /* Figures of the array: its centres against a regular lattice, and how well neighbours agree on the board's corners. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

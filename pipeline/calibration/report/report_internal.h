@@ -1,5 +1,7 @@
 /* pipeline/calibration/report/report_internal.h - figures, acceptance criteria and JSON of the report; callers use
  * report.h. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_CALIBRATION_REPORT_REPORT_INTERNAL_H
 #define SST_PIPELINE_CALIBRATION_REPORT_REPORT_INTERNAL_H
 

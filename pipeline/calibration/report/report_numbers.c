@@ -1,4 +1,6 @@
 /* Numbers and text of the report: significant digits, valid UTF-8. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <inttypes.h>
 #include <math.h>
 #include <stdlib.h>

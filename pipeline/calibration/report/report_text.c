@@ -1,4 +1,6 @@
 /* The report's summary for a terminal. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 
 #include "pipeline/calibration/report/report_internal.h"

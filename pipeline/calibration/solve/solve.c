@@ -1,4 +1,6 @@
 /* The flow from corners to a calibration, and its output. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/calibration/solve/solve.h"
 
 #include <errno.h>

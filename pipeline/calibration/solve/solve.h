@@ -1,4 +1,6 @@
 /* pipeline/calibration/solve/solve.h - solver: computes a calibration and its uncertainty from board corners. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_CALIBRATION_SOLVE_SOLVE_H
 #define SST_PIPELINE_CALIBRATION_SOLVE_SOLVE_H
 

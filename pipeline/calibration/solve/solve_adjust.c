@@ -4,6 +4,8 @@
  * A detection of n corners has 2 n rows over at most 26 states. Its rows [J r] are compressed by a QR factorisation to
  * at most 21 before the sparse solver sees them: an orthogonal transform leaves J'J, J'r and |r|^2 as they are.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <float.h>
 #include <math.h>

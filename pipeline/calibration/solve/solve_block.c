@@ -8,6 +8,8 @@
  *     camera:  w = Jc dc,     v = -[Rc tf]x Jc dc + dtc
  * so rows need 6 columns for both, and are spread to 12 after compression.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <string.h>
 

@@ -1,4 +1,6 @@
 /* Cross-validation: frames held out, odd against even frames. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

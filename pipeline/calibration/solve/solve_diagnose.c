@@ -4,6 +4,8 @@
  * Runs after a robust fit to all corners, which follows the majority: contradicting detections keep their large
  * residuals.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

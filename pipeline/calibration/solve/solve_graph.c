@@ -1,4 +1,6 @@
 /* The graph of cameras that see the board together, and poses along its maximum spanning tree. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

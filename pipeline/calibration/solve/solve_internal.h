@@ -1,4 +1,6 @@
 /* pipeline/calibration/solve/solve_internal.h - declarations shared by the files of the solver. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_CALIBRATION_SOLVE_SOLVE_INTERNAL_H
 #define SST_PIPELINE_CALIBRATION_SOLVE_SOLVE_INTERNAL_H
 

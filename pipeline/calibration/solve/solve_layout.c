@@ -1,4 +1,6 @@
 /* Layout of the state vector: states, their units, and the mapping of a detection's columns to them. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

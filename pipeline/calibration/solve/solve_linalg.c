@@ -1,4 +1,6 @@
 /* Small dense linear algebra in a fixed order of operations; the results of LAPACK depend on its threads. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <string.h>
 

@@ -1,4 +1,6 @@
 /* Solved positions compared with the grid's order, and with the drives of a rig. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

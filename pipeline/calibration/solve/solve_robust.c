@@ -1,4 +1,6 @@
 /* Robust solution, from seeds to least squares over the inliers: a robust loss first, the hard cut last. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* Initial values of the adjustment: lenses and poses from homographies of single detections. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* Propagation of corner noise: covariance of the cameras, and from it the uncertainty of pixels. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

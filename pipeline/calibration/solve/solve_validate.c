@@ -1,4 +1,6 @@
 /* Validation before and after the fit: each refusal is one sentence. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdarg.h>

@@ -1,4 +1,6 @@
 /* Census and Hamming distances with NEON: 16 pixels at a time, the last ones overlap those before. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 static inline void KERNEL(census_16)(uint64_t *out, const uint8_t *const rows[7], size_t x)
 {
     const uint8_t *at[7];

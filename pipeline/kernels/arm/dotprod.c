@@ -1,5 +1,7 @@
 /* The templates that gain from byte dot products (Cortex-A76, Neoverse N1, Apple M1 and later); the others are NEON's.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #if defined(__aarch64__)
 #include <arm_neon.h>
 #include <stdlib.h>

@@ -1,5 +1,7 @@
 /* hypothesis_cost with NEON: eight views at once but for their windows, which lie anywhere. With dot products the mask
  * of a window is a factor 0 or 1 of the sum. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define HYPOTHESIS_PARTS (SST_HYPOTHESIS_VIEWS / 8)
 _Static_assert(HYPOTHESIS_PARTS == 3, "costs of a part are sorted as three");
 

@@ -1,5 +1,7 @@
 /* The templates that gain from dot products of signed by unsigned bytes (Cortex-A510, Neoverse V1, Apple M2 and later);
  * the others are those of dotprod.c. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #if defined(__aarch64__)
 #include <arm_neon.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* light_row with NEON: sst_light_code() with one square root for both of its halves. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 static inline float32x4_t KERNEL(light_4)(uint16x4_t value, float32x4_t f, float32x4_t r)
 {
     const float32x4_t v = vmulq_n_f32(vcvtq_f32_u32(vmovl_u16(value)), 1.0f / (1 << SST_LIGHT_SHIFT));

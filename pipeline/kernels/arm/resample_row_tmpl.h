@@ -1,4 +1,6 @@
 /* resample_row with NEON: the work is vectorised inside each pixel, two columns of R G B X at a time. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 static inline void KERNEL(resample_run)(uint16_t *const out[3], const struct sst_resample *from, const int32_t *xy_q8,
                                         size_t n, int taps)
 {

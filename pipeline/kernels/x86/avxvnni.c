@@ -1,4 +1,6 @@
 /* The templates for AVX2 with AVX-VNNI (Alder Lake, Zen 5 and later). */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #if defined(__x86_64__)
 #include <immintrin.h>
 #include <math.h>

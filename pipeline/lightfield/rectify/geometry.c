@@ -7,6 +7,8 @@
  * the plane magnifies by P.z / (P.z - dz); s = (plane - dz) / plane compensates this exactly where P.z = plane;
  * elsewhere r dz (1 / P.z - 1 / plane) remains at r px from the principal point.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <string.h>

@@ -6,6 +6,8 @@
  * with the chain where cubics err most (its centre and the midpoints of two edges), halves the cells until the worst
  * error is below TOLERANCE_PX, and uses the chain itself, pixel by pixel, for cells that never get there.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "base/border.h"
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/kernels/place_patch.h"

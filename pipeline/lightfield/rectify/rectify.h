@@ -1,4 +1,6 @@
 /* pipeline/lightfield/rectify/rectify.h - rectification to a common rotation and K: geometry, maps, resampling. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_LIGHTFIELD_RECTIFY_RECTIFY_H
 #define SST_PIPELINE_LIGHTFIELD_RECTIFY_RECTIFY_H
 

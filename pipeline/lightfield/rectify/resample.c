@@ -1,4 +1,6 @@
 /* Resampling through a map in one pass: positions of a row, samples in 1/128 levels, light, bytes. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <pthread.h>

@@ -5,6 +5,8 @@
  * A tile at the upper or lower edge is text if it has changed in many sets, each time in nearly all views: an object of
  * the scene is at another position in every view. A tile of text with a changed tile of the scene near it is decoded as
  * any other tile, since an object may be moving into it. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <string.h>
 

@@ -1,5 +1,7 @@
 /* Update of the views in three steps per set: scan of the block means of some views (all if one changed), decoding of
  * changed tiles, rectification of the tiles that depend on them. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/live/frames/frames.h"
 
 #include <errno.h>

@@ -1,4 +1,6 @@
 /* pipeline/live/frames/frames.h - views updated from camera frames; only changed tiles are decoded and rectified. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_LIVE_FRAMES_FRAMES_H
 #define SST_PIPELINE_LIVE_FRAMES_FRAMES_H
 

@@ -1,4 +1,6 @@
 /* Steps 2 and 3: decode and rectify the changed tiles. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* pipeline/live/frames/unchanged.h - unchanged pictures of cameras, each compared with the last accepted one. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_LIVE_FRAMES_UNCHANGED_H
 #define SST_PIPELINE_LIVE_FRAMES_UNCHANGED_H
 

@@ -2,6 +2,8 @@
  * time above the background model; its excess over the least of a candidate, summed over time, is its evidence. The
  * evidence of chance is learnt from tracks that end without a report: their number falls exponentially with their
  * evidence, so that the evidence which chance reaches at the accepted rate follows from their rate and mean. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <string.h>
 
 #include "pipeline/live/hidden/hidden_internal.h"

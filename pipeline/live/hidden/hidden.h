@@ -5,6 +5,8 @@
  * differences, not the pictures, are then integrated over all views on planes behind the leaves. An object on a plane
  * adds up there; leaves that differ have another parallax and do not. An object is reported when it stays above the
  * level that the leaves of this scene reach by themselves: see alarms_per_hour. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_LIVE_HIDDEN_HIDDEN_H
 #define SST_PIPELINE_LIVE_HIDDEN_HIDDEN_H
 

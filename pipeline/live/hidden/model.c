@@ -1,6 +1,8 @@
 /* Background model of a view: some colours for every cell, of random moments in the last minutes. A leaf that swings
  * shows colours that its place has had before; a person brings new ones. The score of a cell is its difference from the
  * most similar colour, above the cell's background noise level (noise, and leaves between the remembered moments). */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

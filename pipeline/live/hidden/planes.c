@@ -1,5 +1,7 @@
 /* Planes of equal disparity, on which the scores of all views are summed: differences on a plane add up there,
  * differences elsewhere are spread over it. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <string.h>
 

@@ -1,5 +1,7 @@
 /* Background level of the integrated scores of a place, for boxes of several sizes on every plane: a twig that often
  * exceeds the model of its cells raises it there. A box above it by many standard deviations is a candidate. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <string.h>
 

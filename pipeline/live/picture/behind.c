@@ -6,6 +6,8 @@
  * A cell is rendered when its rays have changed: a third of the cells in a set, all within three, and of more than six
  * sets a second fewer, all within half a second. Until then nothing is seen there, and the memory fills it. Where
  * leaves move before a still scene, a third of these renderings is enough. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -3,6 +3,8 @@
  *
  * Where nothing changed nothing is rendered. A ray goes to the viewpoint by its own disparity; pixels that changed
  * tiles cannot reach come from the last picture (struct sst_render_kept). The memory merges the whole picture. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -5,6 +5,8 @@
  * from the neighbourhood (most of the nearest pixels that are seen now have just changed: a person came or left), from
  * the reference camera (it shows the same surface there, and that is being removed), or from time (the cameras' tiles
  * changed there, and it was not seen again). */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

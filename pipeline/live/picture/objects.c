@@ -5,6 +5,8 @@
  * into a neighbour, it ends at the ground, its disparities stay within the width that they had, and it grows by half
  * from set to set, to three times its first area at most. In the other views it is marked by disparity: pixels whose
  * surface the region shows, or whose place in the reference view is occluded or outside of it beside the region. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

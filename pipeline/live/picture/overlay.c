@@ -1,4 +1,6 @@
 /* Pictures of the maps: labels over the lead view, and disparities by colour. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 

@@ -3,6 +3,8 @@
  * The maps give the surfaces that the rays of the pixel meet; the weights say which of them the picture shows. Where
  * the picture uses verified rays instead of the maps (pipeline/method/render/verify.h), the patch around the point is
  * swept (picture_internal.h) over all disparities from the focus on, since the picture suppresses nearer ones. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdlib.h>
 

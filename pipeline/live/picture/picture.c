@@ -1,6 +1,8 @@
 /* Rendered picture of one client: whole when its settings change, afterwards cell by cell. Tiles of views have the
  * serial number of their last change, and cells with rays into tiles of a later number than the picture's are rendered
  * again. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdatomic.h>

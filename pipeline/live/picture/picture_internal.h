@@ -1,5 +1,7 @@
 /* pipeline/live/picture/picture_internal.h - the clear picture of a view with its memory; removed objects; the plane
  * sweep behind a click. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_LIVE_PICTURE_PICTURE_INTERNAL_H
 #define SST_PIPELINE_LIVE_PICTURE_PICTURE_INTERNAL_H
 

@@ -1,4 +1,6 @@
 /* The ground, found on a thread of its own: pictures go on meanwhile. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/live/posed/posed_internal.h"
 
 #include <errno.h>

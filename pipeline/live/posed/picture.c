@@ -1,4 +1,6 @@
 /* Pictures on the surface, whole when a view or the surface has changed. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/live/posed/posed_internal.h"
 
 #include <errno.h>

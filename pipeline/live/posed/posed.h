@@ -1,5 +1,7 @@
 /* pipeline/live/posed/posed.h - live pictures of an array without a lattice, on a surface that is fitted by
  * itself (docs/design/posed-live.md). */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_LIVE_POSED_POSED_H
 #define SST_PIPELINE_LIVE_POSED_POSED_H
 

@@ -1,5 +1,7 @@
 /* Foreground objects of the reference key, as connected components in front of the background model: a moving object
  * has one label, and the background that it uncovers has the label from before. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

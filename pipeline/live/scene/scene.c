@@ -1,4 +1,6 @@
 /* The steps of an update in order, and the state from set to set. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/live/scene/scene.h"
 
 #include <stdlib.h>

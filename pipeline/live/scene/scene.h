@@ -1,5 +1,7 @@
 /* pipeline/live/scene/scene.h - disparities and labels of all views: key views are matched and labelled where
  * something changed, and their maps are warped to the other views. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_LIVE_SCENE_SCENE_H
 #define SST_PIPELINE_LIVE_SCENE_SCENE_H
 

@@ -1,4 +1,6 @@
 /* The work of an update as parallel jobs, one thread each. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdlib.h>
 #include <string.h>
 

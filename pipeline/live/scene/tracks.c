@@ -4,6 +4,8 @@
  * Pieces of the foreground are assigned to the tracks that they fit best by predicted place, disparity and colours. A
  * track without a piece is judged by the disparities at its place: its own are still there (it stands), nearer ones are
  * (it is occluded), or neither (it has left). Boxes are in cells of the reference key. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -2,6 +2,8 @@
  * What may be at a pixel (design.md, 5.7): its own disparity, the surfaces around it, those that other views project
  * onto it and those that the sweep finds (sweep.c).
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -2,6 +2,8 @@
  * Disparities at which the points of sweeps (sweep.c) gather in the cells of a view, which are candidates there; and
  * the plan that sweeps and candidates go by.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <string.h>

@@ -2,6 +2,8 @@
  * Maps of the matched views carried to the others (design.md, 5.7): a pixel goes to where its disparity puts it in the
  * other view, and the nearest surface wins there.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

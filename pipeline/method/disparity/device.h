@@ -1,4 +1,6 @@
 /* pipeline/method/disparity/device.h - a device that matches light fields. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_DISPARITY_DEVICE_H
 #define SST_PIPELINE_METHOD_DISPARITY_DEVICE_H
 

@@ -1,5 +1,7 @@
 /* Features of a run's views, which stay on the device if the network runs there: its result, gathered as the matching
  * reads it. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdlib.h>
 #include <string.h>
 

@@ -1,4 +1,6 @@
 /* pipeline/method/disparity/device_internal.h - shaders of the steps of matching, and why they cannot do a job. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_DISPARITY_DEVICE_INTERNAL_H
 #define SST_PIPELINE_METHOD_DISPARITY_DEVICE_INTERNAL_H
 

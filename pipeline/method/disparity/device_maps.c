@@ -1,4 +1,6 @@
 /* Maps of views on a device: carried to other views, checked, filled. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/gpu/check.h"
 #include "pipeline/method/disparity/device_internal.h"
 

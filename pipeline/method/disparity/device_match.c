@@ -1,5 +1,7 @@
 /* The first pass on a device: a view's costs, their aggregation, the optimisation, winners and filters, without the
  * volume leaving it. Where memory lacks, a view is matched in bands of rows. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 

@@ -2,6 +2,8 @@
  *
  * All numbers are integers, and equal those of hypothesis_cost_row, hypothesis_path_row, sst_around_init(),
  * sst_around_list(), sst_sweep_view() and sst_sweep_candidates() on every device. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <string.h>

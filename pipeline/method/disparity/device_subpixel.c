@@ -4,6 +4,8 @@
  * pipeline/kernels/kernels.h in their order. Sums and products are rounded to the nearest number on every device that
  * passes the comparison with the CPU; quotients are found in whole numbers, as devices may round theirs in other
  * ways. So the results are the bytes of sst_disparity_subpixel(). */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/gpu/convert.h"
 #include "pipeline/method/disparity/device_internal.h"
 #include "pipeline/method/disparity/subpixel_internal.h"

@@ -1,4 +1,6 @@
 /* pipeline/method/disparity/disparity.h - computes dense disparity, for all views or for one rectified pair. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_DISPARITY_DISPARITY_H
 #define SST_PIPELINE_METHOD_DISPARITY_DISPARITY_H
 

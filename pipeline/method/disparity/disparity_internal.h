@@ -1,5 +1,7 @@
 /* pipeline/method/disparity/disparity_internal.h - one run over the views of a light field: disparity.c orders the
  * steps, views.c is what is done to each view. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_DISPARITY_DISPARITY_INTERNAL_H
 #define SST_PIPELINE_METHOD_DISPARITY_DISPARITY_INTERNAL_H
 

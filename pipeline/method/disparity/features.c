@@ -3,6 +3,8 @@
  * The network is run over bands of rows. Between layers it holds 64 floats per pixel, twice: 384 MB for a view of 1000
  * x 750, whose pages the system would have to allocate and clear. A band costs the time of the rows around it that are
  * computed twice. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* Hypotheses of a view in the second pass (visible.c), and the semi-global optimisation over them along four paths. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/method/disparity/visible_internal.h"
 
 #include <errno.h>

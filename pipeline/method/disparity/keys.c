@@ -1,3 +1,5 @@
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/method/disparity/disparity.h"
 
 /* Is a view present within `reach` rows and columns of another one for which `carried` (NULL: all of them) is false? */

@@ -1,4 +1,6 @@
 /* The first pass: views matched against their neighbours, some at a time. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

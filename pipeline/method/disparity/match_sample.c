@@ -1,4 +1,6 @@
 /* Runs over small views of random images and features, on which matching is compared with the CPU. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdlib.h>
 

@@ -2,6 +2,8 @@
  * volume a short range of disparities. Only the left image has a volume: the right one's disparities, which the check
  * needs, are the minima along its diagonals. All steps work on fixed tiles and bands of rows, so that the result does
  * not depend on threads. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,5 +1,7 @@
 /* Before the holes of a pair's map are filled: surfaces too small to be believed are dropped, and the margin that the
  * other image does not show continues the plane beside it. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,6 +1,8 @@
 /* A pair's filled map improved by the image: edges of surfaces lie where colours change, and hidden pixels belong to a
  * farther surface of similar colour. Both are weighted medians of the disparities around a pixel, by
  * colour and distance (see sst_median_votes_row_fn). */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

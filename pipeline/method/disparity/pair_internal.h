@@ -1,6 +1,8 @@
 /* pipeline/method/disparity/pair_internal.h - dense disparities of one pair of images: its matching, filling, edges and
  * holes.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_DISPARITY_PAIR_INTERNAL_H
 #define SST_PIPELINE_METHOD_DISPARITY_PAIR_INTERNAL_H
 

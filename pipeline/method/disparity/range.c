@@ -1,4 +1,6 @@
 /* Disparity range of a light field from a coarse match of its reference view. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

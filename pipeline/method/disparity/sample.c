@@ -1,5 +1,7 @@
 /* Random views of a small light field, on which steps are compared with the CPU: surfaces on both sides of an edge, a
  * slanted one in front, noise, unknown pixels; pictures show a surface that no map has through gaps. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdlib.h>
 

@@ -1,4 +1,6 @@
 /* Maps of all views by the sweep in scene space (pipeline/method/sweep/), for scenes in which key views miss. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,4 +1,6 @@
 /* Steps of a run after its passes: check, filling, background. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <string.h>
 
 #include "pipeline/lightfield/share.h"

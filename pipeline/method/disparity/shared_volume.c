@@ -1,5 +1,7 @@
 /* One cost volume that several threads fill and search: where each with one of its own would need too much memory, or
  * there are more threads than views. All steps work on bands of rows or of columns, with the bytes of one thread. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <string.h>
 

@@ -1,5 +1,7 @@
 /* pipeline/method/disparity/stage.h - the steps of the disparity stage, for disparity.c, the live pipeline and the
  * tests. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_DISPARITY_STAGE_H
 #define SST_PIPELINE_METHOD_DISPARITY_STAGE_H
 

@@ -4,6 +4,8 @@
  * pixel a disparity and a weight; windows of similar pixels share them along the slope of the surface. Windows that
  * carry little texture follow planes through larger ones, from which the slopes are.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

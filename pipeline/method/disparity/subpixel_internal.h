@@ -1,4 +1,6 @@
 /* pipeline/method/disparity/subpixel_internal.h - the refinement between pixels: its constants, its job. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_DISPARITY_SUBPIXEL_INTERNAL_H
 #define SST_PIPELINE_METHOD_DISPARITY_SUBPIXEL_INTERNAL_H
 

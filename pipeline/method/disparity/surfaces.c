@@ -3,6 +3,8 @@
  * surfaces projected from other views and surfaces of the sweep (around.c); their costs, the optimisation over
  * them (hypotheses.c) and the choice.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <string.h>
 

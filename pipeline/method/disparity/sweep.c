@@ -4,6 +4,8 @@
  * disparity does not explain are tested at all disparities. Those that one disparity alone explains are points in
  * space: seen from each view, the disparities where points gather are its candidates.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/method/disparity/visible_internal.h"
 
 #include <errno.h>

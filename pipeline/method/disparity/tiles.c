@@ -1,5 +1,7 @@
 /* Cost volume of one view in tiles, each with the range of disparities that a coarser map leaves open. Paths of the
  * optimisation go from tile to tile: where the window of disparities changes, what the last one did not have is far. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <string.h>

@@ -1,4 +1,6 @@
 /* Views of one run: described for matching, with their neighbours, checked against others, and filled. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <string.h>

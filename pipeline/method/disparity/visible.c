@@ -5,6 +5,8 @@
  * tested pixel by pixel against the views around, of which those count in which nothing nearer hides it. What the
  * colours cannot decide, the semi-global optimisation over the hypotheses does.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <string.h>
 
 #include "pipeline/method/disparity/visible_internal.h"

@@ -1,5 +1,7 @@
 /* pipeline/method/disparity/visible.h - passes over the maps of all views of a light field: the second pass, carried
  * maps, refinement between pixels, check and filling. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_DISPARITY_VISIBLE_H
 #define SST_PIPELINE_METHOD_DISPARITY_VISIBLE_H
 

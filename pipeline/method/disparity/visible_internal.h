@@ -1,5 +1,7 @@
 /* pipeline/method/disparity/visible_internal.h - the second pass over the views of a light field, of which the sweep
  * (sweep.c) and the tests of hypotheses (surfaces.c) are steps. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_DISPARITY_VISIBLE_INTERNAL_H
 #define SST_PIPELINE_METHOD_DISPARITY_VISIBLE_INTERNAL_H
 

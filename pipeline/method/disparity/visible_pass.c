@@ -1,4 +1,6 @@
 /* The state of the second pass: pictures with depth codes, tests of a view, samples. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/method/disparity/visible_internal.h"
 
 #include <errno.h>

@@ -1,4 +1,6 @@
 /* Windows of disparities: from a match of all views at fewer pixels, and what they change. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* pipeline/method/labels/labels.h - semantic labels of an image: network, entropy, high confidence map (HCSM). */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_LABELS_LABELS_H
 #define SST_PIPELINE_METHOD_LABELS_LABELS_H
 

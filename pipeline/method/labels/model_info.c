@@ -1,4 +1,6 @@
 /* A network's description: the YAML file beside it first, then its own metadata for entries that the file lacks. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/method/labels/model_info.h"
 
 #include <errno.h>

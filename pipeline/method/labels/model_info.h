@@ -1,4 +1,6 @@
 /* pipeline/method/labels/model_info.h - input and output of a segmentation network, from metadata or a YAML file. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_LABELS_MODEL_INFO_H
 #define SST_PIPELINE_METHOD_LABELS_MODEL_INFO_H
 

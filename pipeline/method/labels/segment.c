@@ -1,5 +1,7 @@
 /* Image -> working size -> network, whole or in windows -> probabilities at the network's resolution -> labels and
  * entropy at the image's size (upsample.c). */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <float.h>
 #include <math.h>

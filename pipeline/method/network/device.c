@@ -1,4 +1,6 @@
 /* Networks on a device: plans stay on it, those that were used least recently give way to new ones. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/method/network/device.h"
 
 #include <errno.h>

@@ -4,6 +4,8 @@
  * with VNNI and without: equal bytes after convolutions on 8 bits, and sums in another order in those on floats, of
  * which a network on 8 bits has the first one alone.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_NETWORK_DEVICE_H
 #define SST_PIPELINE_METHOD_NETWORK_DEVICE_H
 

@@ -1,4 +1,6 @@
 /* pipeline/method/network/device_internal.h - plans of networks on a device. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_NETWORK_DEVICE_INTERNAL_H
 #define SST_PIPELINE_METHOD_NETWORK_DEVICE_INTERNAL_H
 

@@ -1,5 +1,7 @@
 /* A graph as dispatches of the shaders of pipeline/gpu/net.h: the same choices of 8 bits, scales and conversions as the
  * plan for the CPU (plan_dnnl.c, plan_conv.c), also of processors without VNNI. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/method/network/device_internal.h"
 
 #include <errno.h>

@@ -1,5 +1,7 @@
 /* What the values of a network's result are, by the nodes at its end: those that only move or enlarge values are followed
  * to the one that makes them. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 
 #include "pipeline/method/network/onnx.h"
 

@@ -1,4 +1,6 @@
 /* pipeline/method/network/graph.h - a network as a list of validated operations, ready to plan for any input size. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_NETWORK_GRAPH_H
 #define SST_PIPELINE_METHOD_NETWORK_GRAPH_H
 

@@ -1,4 +1,6 @@
 /* Converts ONNX nodes to operations. Nodes that only rescale, clip or add to a convolution are fused into it. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -3,6 +3,8 @@
  * x / |x| over channels is exported in single steps:
  *   Div(x, D), D = [Expand] [Clip | Max | Add] N,  N = ReduceL2(x)  or  Sqrt([Clip | Max | Add] S),
  *   S = ReduceSum(x x) or ReduceSumSquare(x),  x x = Mul(x, x) or Pow(x, 2). */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 
 #include "pipeline/method/network/network_internal.h"
 

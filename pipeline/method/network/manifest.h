@@ -1,4 +1,6 @@
 /* pipeline/method/network/manifest.h - manifest.json of a folder of networks: kind, hash and figures of each. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_NETWORK_MANIFEST_H
 #define SST_PIPELINE_METHOD_NETWORK_MANIFEST_H
 

@@ -1,4 +1,6 @@
 /* pipeline/method/network/model_path.h - search path of networks that are named without a folder. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_NETWORK_MODEL_PATH_H
 #define SST_PIPELINE_METHOD_NETWORK_MODEL_PATH_H
 

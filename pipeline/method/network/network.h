@@ -1,4 +1,6 @@
 /* pipeline/method/network/network.h - runs a convolutional network from an ONNX file, on oneDNN or else on OpenCV. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_NETWORK_NETWORK_H
 #define SST_PIPELINE_METHOD_NETWORK_NETWORK_H
 

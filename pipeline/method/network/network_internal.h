@@ -1,4 +1,6 @@
 /* pipeline/method/network/network_internal.h - private declarations of this folder. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_NETWORK_NETWORK_INTERNAL_H
 #define SST_PIPELINE_METHOD_NETWORK_NETWORK_INTERNAL_H
 

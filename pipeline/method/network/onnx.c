@@ -1,5 +1,7 @@
 /* The subset of protocol buffers that ONNX needs (field numbers are those of onnx.proto). Names, attributes and
  * metadata point into the file; only the nodes' table and the constants are copied. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/method/network/onnx.h"
 
 #include <errno.h>

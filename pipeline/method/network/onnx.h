@@ -1,5 +1,7 @@
 /* pipeline/method/network/onnx.h - bounded reader of ONNX files: validates everything and never opens files that a
  * model names. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_NETWORK_ONNX_H
 #define SST_PIPELINE_METHOD_NETWORK_ONNX_H
 

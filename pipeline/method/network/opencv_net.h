@@ -1,4 +1,6 @@
 /* pipeline/method/network/opencv_net.h - OpenCV's DNN as plain C: no exceptions, no OpenCV types. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_NETWORK_OPENCV_NET_H
 #define SST_PIPELINE_METHOD_NETWORK_OPENCV_NET_H
 

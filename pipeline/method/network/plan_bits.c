@@ -1,4 +1,6 @@
 /* Chooses which values are stored in 8 bits, and their scales. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 
 #include "pipeline/method/network/plan_dnnl.h"

@@ -4,6 +4,8 @@
  * each output channel o, so that
  *   y / s_y = (sum q_x q_w + b / (s_x s_w[o])) * (s_x s_w[o] / s_y)  [+ (s_r / s_y) q_r, the residual]  [relu]
  * with the sum in exact 32-bit integers: the same for any number of threads and any order. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

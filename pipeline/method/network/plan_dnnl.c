@@ -1,5 +1,7 @@
 /* Each operation of a graph as a oneDNN primitive, or as one of ops.h. Convolutions choose the layouts; other layers
  * accept any, so that reorders are rare. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/method/network/plan_dnnl.h"
 
 #include <errno.h>

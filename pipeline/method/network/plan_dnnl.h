@@ -1,4 +1,6 @@
 /* pipeline/method/network/plan_dnnl.h - internals of a plan, shared by plan*.c. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_NETWORK_PLAN_DNNL_H
 #define SST_PIPELINE_METHOD_NETWORK_PLAN_DNNL_H
 

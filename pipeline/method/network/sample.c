@@ -2,6 +2,8 @@
  *
  * The first seed is on floats, the others on 8 bits, where results must be equal: the sums of the first layer, which is
  * on floats, are exact in any order. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdlib.h>
 

@@ -1,4 +1,6 @@
 /* pipeline/method/process/align.h - displacements and gains of the pictures, estimated from the scene and undone. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_PROCESS_ALIGN_H
 #define SST_PIPELINE_METHOD_PROCESS_ALIGN_H
 

@@ -2,6 +2,8 @@
  * Labels of pixels that no labelled view shows, from the first labelled pixel in each of eight directions. Two sweeps
  * over the rows, downwards and upwards, remember for each column and diagonal the row of the last labelled pixel.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

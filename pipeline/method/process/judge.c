@@ -1,6 +1,8 @@
 /* Plausibility. A false verdict costs more than a missed one, so each test has a margin that chance does not cross:
  * pictures that are equal byte for byte; pairs whose features are not found in each other although both have enough
  * (unrelated pictures give at most 4 of some 150, see drift_link_judge()); disparities that no other view confirms. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/method/process/judge.h"
 
 #include <math.h>

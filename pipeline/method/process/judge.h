@@ -1,4 +1,6 @@
 /* pipeline/method/process/judge.h - whether the views and their maps can be those of one scene. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_PROCESS_JUDGE_H
 #define SST_PIPELINE_METHOD_PROCESS_JUDGE_H
 

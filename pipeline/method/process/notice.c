@@ -1,5 +1,7 @@
 /* Noise, blur, JPEG and missing views. Each figure is one of the pictures themselves, not of a model of the scene, and
  * each threshold lies well beyond what undisturbed light fields have (docs/design/design.md, 5.9). */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/method/process/notice.h"
 
 #include <errno.h>

@@ -1,5 +1,7 @@
 /* pipeline/method/process/notice.h - what is wrong with the pictures of a light field although they can be views of one
  * scene. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_PROCESS_NOTICE_H
 #define SST_PIPELINE_METHOD_PROCESS_NOTICE_H
 

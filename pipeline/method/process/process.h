@@ -1,4 +1,6 @@
 /* pipeline/method/process/process.h - runs the stages that give every ray a label and a disparity. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_PROCESS_PROCESS_H
 #define SST_PIPELINE_METHOD_PROCESS_PROCESS_H
 

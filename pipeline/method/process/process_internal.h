@@ -1,5 +1,7 @@
 /* pipeline/method/process/process_internal.h - which views are labelled; labels carried from them to the others, and
  * voted on. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_PROCESS_PROCESS_INTERNAL_H
 #define SST_PIPELINE_METHOD_PROCESS_PROCESS_INTERNAL_H
 

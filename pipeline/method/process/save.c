@@ -1,4 +1,6 @@
 /* The folder of a processed light field: its maps and what explains them. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdio.h>
 
 #include "base/thread.h"

@@ -1,5 +1,7 @@
 /* pipeline/method/refine/parts.h - pieces of label refinement; code outside pipeline/method/refine and pipeline/live
  * uses refine.h. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_REFINE_PARTS_H
 #define SST_PIPELINE_METHOD_REFINE_PARTS_H
 

@@ -1,5 +1,7 @@
 /* pipeline/method/refine/refine.h - label refinement: labels of the unlabeled rays by their disparity (paper:
  * disparity-guided refinement). */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_REFINE_REFINE_H
 #define SST_PIPELINE_METHOD_REFINE_REFINE_H
 

@@ -9,6 +9,8 @@
  * Holes: pixels of little weight are mixed with the mean of their surroundings (fill.c). What was removed is not part
  * of it, so they are filled from behind.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_RENDER_CLEAR_INTERNAL_H
 #define SST_PIPELINE_METHOD_RENDER_CLEAR_INTERNAL_H
 

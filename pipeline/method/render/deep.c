@@ -1,5 +1,7 @@
 /* Pictures of 16 bits, pixel by pixel: slow and plain. Weights are those of the 8-bit picture; only colours are finer.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdatomic.h>
 

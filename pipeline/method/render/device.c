@@ -4,6 +4,8 @@
  * A device that fails is closed. The picture in work and the next ones are then rendered on the CPU, one more after
  * each failure, twice as many each time; then the device is opened again, for a light field that changes on a thread of
  * its own. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* pipeline/method/render/device.h - a device that renders pictures. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_RENDER_DEVICE_H
 #define SST_PIPELINE_METHOD_RENDER_DEVICE_H
 

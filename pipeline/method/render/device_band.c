@@ -5,6 +5,8 @@
  *      from + ny                     from + ny + least        a ray of disparity px moves by px * by rows,
  *         .   rays of the rows          .                     for the smallest and the largest disparity
  *      end + ny                      end + ny + most          that are compared */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 
 #include "pipeline/method/render/device_internal.h"

@@ -14,6 +14,8 @@
  *
  * The colour of a ray is found less than a row from where its surface's disparity puts it, between two rows; and a ray
  * from beside a removed pixel counts less. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <string.h>

@@ -1,6 +1,8 @@
 /* Random clear pictures of a small light field, on which steps are compared with the CPU: two surfaces and noise, seen
  * from around a viewpoint that has a camera, or from between cameras; every way to remove a pixel; as a whole and in
  * bands; rays from originals of corrected views. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <stdlib.h>
 

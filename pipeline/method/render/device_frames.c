@@ -5,6 +5,8 @@
  * The CPU decodes several frames at once, one in each span, and computes the places of their pixels: cubics along
  * pieces of rows, in double, as on the CPU. Where rays are sampled from frames, a view's pixels are made for each
  * picture, as far from whole positions as its rays are; the frames then stay on the device as far as they fit. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <assert.h>
 #include <errno.h>
 #include <stdlib.h>

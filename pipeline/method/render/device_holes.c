@@ -1,6 +1,8 @@
 /* The holes of clear pictures on a device: a pyramid of weighted means, as fill.c makes it, each level half the size of
  * the finer one, up to a single pixel. hole_pull makes a level from the finer one or from the picture, hole_push fills
  * a level or the picture from the coarser one. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "base/thread.h"
 #include "pipeline/kernels/pyramid_ref.h"
 #include "pipeline/method/render/device_internal.h"

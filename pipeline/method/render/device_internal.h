@@ -1,5 +1,7 @@
 /* pipeline/method/render/device_internal.h - a light field on a device: views in chunks, frames, pictures that are made
  * there. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_RENDER_DEVICE_INTERNAL_H
 #define SST_PIPELINE_METHOD_RENDER_DEVICE_INTERNAL_H
 

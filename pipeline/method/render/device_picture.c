@@ -3,6 +3,8 @@
  * Where the views or scratch buffers do not fit into the memory, the picture is made in bands of rows; views that do
  * not fit together are uploaded for each band, only the rows that it needs. The order of the views' rays, and so the
  * bytes, stay the same. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <string.h>
 

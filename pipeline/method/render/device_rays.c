@@ -1,6 +1,8 @@
 /* Clear pictures on a device whose rays are sampled from raw frames: each ray has a place of its own in the frame of
  * its view. Views take their turn, the nearest to the viewpoint first, as rays that are not in their frame leave room
  * for others; so one frame at a time has to be there. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <assert.h>
 
 #include "pipeline/kernels/place_patch.h"

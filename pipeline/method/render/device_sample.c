@@ -1,6 +1,8 @@
 /* Random pictures of a small light field, on which steps are compared with the CPU: blocks of surfaces with labels,
  * with noise, unknown disparities and unlabeled pixels; a view that is partly invalid, views without labels or
  * confidences, and a view that is absent; raw frames of turned cameras with lenses and uneven light. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <limits.h>
 #include <math.h>
 #include <stdlib.h>

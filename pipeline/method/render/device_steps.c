@@ -1,4 +1,6 @@
 /* Steps of pictures that are rendered on a device: definitions on the CPU, work on the device, and samples. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/method/render/clear_internal.h"
 #include "pipeline/method/render/device_internal.h"
 

@@ -4,6 +4,8 @@
  *
  * The CPU looks at the cells once: without pixels left to votes nothing else is done, and only their rows are gone
  * through. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/gpu/verify.h"
 
 #include <errno.h>

@@ -3,6 +3,8 @@
  * A picture has its views there together, in place of the least recently used ones, or it is made in bands
  * (device_band.c). Of a light field that changes, rows of tiles with a later serial number than the view's on the
  * device are uploaded again when a picture needs the view. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <string.h>

@@ -9,6 +9,8 @@
  *
  * Votes are summed over time and decay: a person who walks by for three seconds does not move the focus, and a surface
  * seen behind a person stays in focus after that person has left. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/method/render/focus.h"
 
 #include <errno.h>

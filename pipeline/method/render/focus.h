@@ -1,4 +1,6 @@
 /* pipeline/method/render/focus.h - the automatic focus: what lies behind the nearest surfaces. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_RENDER_FOCUS_H
 #define SST_PIPELINE_METHOD_RENDER_FOCUS_H
 

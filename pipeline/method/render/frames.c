@@ -1,5 +1,7 @@
 /* Raw frames of a light field, or what corrected pictures were resampled from: samplers for rays, and views that are
  * rectified when the CPU needs them. Shaders make their own from the frames. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

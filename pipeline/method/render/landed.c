@@ -7,6 +7,8 @@
  * on what landed on it and on the colours around the places its rays come from, which are within reach() px of those
  * rays' pixels: a tile is taken with that margin. So the bytes are those of a whole picture.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

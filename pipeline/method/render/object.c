@@ -1,4 +1,6 @@
 /* Objects: regions of nearly constant disparity and colour, through all views. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

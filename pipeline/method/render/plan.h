@@ -1,4 +1,6 @@
 /* pipeline/method/render/plan.h - prepares one picture for rendering: shifts and weights of views, disparity ranges. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_RENDER_PLAN_H
 #define SST_PIPELINE_METHOD_RENDER_PLAN_H
 

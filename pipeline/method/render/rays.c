@@ -1,4 +1,6 @@
 /* Single pixels in double: where weights underflow in float, and to explain a pixel. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <string.h>

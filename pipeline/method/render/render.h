@@ -1,4 +1,6 @@
 /* pipeline/method/render/render.h - synthetic-aperture pictures in which every ray is weighted by depth and label. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_RENDER_RENDER_H
 #define SST_PIPELINE_METHOD_RENDER_RENDER_H
 

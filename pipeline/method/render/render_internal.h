@@ -7,6 +7,8 @@
  * Colours agree if they differ by less than 24 levels (sum of R, G, B), and more in noise: by less than three times the
  * lower quartile of the differences of all rays from the views around them.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_RENDER_RENDER_INTERNAL_H
 #define SST_PIPELINE_METHOD_RENDER_RENDER_INTERNAL_H
 

@@ -13,6 +13,8 @@
  *
  * Every pixel is normalised by the weights of its own rays: where it has none, the exact pixel takes its place
  * (render_mend_row()). */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/method/render/render_internal.h"
 
 #include <errno.h>

@@ -16,6 +16,8 @@
  * - SST_VERIFY_AUTO: more unexplained rays among those that end in front of the focus (render_internal.h), over 3x3
  *   pixels: rises from a tenth to a fifth of all views. Reliable maps are better than votes.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_RENDER_VERIFY_H
 #define SST_PIPELINE_METHOD_RENDER_VERIFY_H
 

@@ -1,4 +1,6 @@
 /* The two weights of a ray (design.md, 5.4) in double: the reference for every faster version. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 
 #include "pipeline/method/render/render.h"

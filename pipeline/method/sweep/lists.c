@@ -1,5 +1,7 @@
 /* Planes that are computed of views in work, by rows and blocks: in the second round the planes that views claim around
  * there (design.md, 5.7). */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <string.h>
 

@@ -1,5 +1,7 @@
 /* The maps of a view from the consensus of the planes (sweep.c): costs, their means over pixels that look alike, in the
  * second round paths along the diagonals, and the cheapest plane. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

@@ -3,6 +3,8 @@
  * of a view move by one shift, so that nothing is gathered pixel by pixel. Tiles of rows bound the memory: of each
  * plane only the rows are kept that the views' rows in work show.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/method/sweep/sweep.h"
 
 #include <errno.h>

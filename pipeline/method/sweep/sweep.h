@@ -1,5 +1,7 @@
 /* pipeline/method/sweep/sweep.h - plane sweep in scene space: disparities of all views of a light field at once, each
  * view compared with the colour that most views agree on. For scenes with many depth edges, such as foliage. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_SWEEP_SWEEP_H
 #define SST_PIPELINE_METHOD_SWEEP_SWEEP_H
 

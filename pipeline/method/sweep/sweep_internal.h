@@ -1,5 +1,7 @@
 /* pipeline/method/sweep/sweep_internal.h - a sweep in work: sweep.c finds the consensus of the planes, maps.c the maps
  * of views. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_METHOD_SWEEP_SWEEP_INTERNAL_H
 #define SST_PIPELINE_METHOD_SWEEP_SWEEP_INTERNAL_H
 

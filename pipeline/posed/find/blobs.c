@@ -1,4 +1,6 @@
 /* Blobs of high scores: hysteresis, opening, pixels that are connected across gaps. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

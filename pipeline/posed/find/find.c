@@ -1,4 +1,6 @@
 /* Searches: an integral, its scores, blobs, and the views that show each blob. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/posed/find/find.h"
 
 #include <errno.h>

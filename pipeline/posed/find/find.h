@@ -1,4 +1,6 @@
 /* pipeline/posed/find/find.h - finds: places that stand out from forest and ground in the integral. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_POSED_FIND_FIND_H
 #define SST_PIPELINE_POSED_FIND_FIND_H
 

@@ -1,4 +1,6 @@
 /* pipeline/posed/find/find_internal.h - private to searches: scores of each view's picture. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_POSED_FIND_FIND_INTERNAL_H
 #define SST_PIPELINE_POSED_FIND_FIND_INTERNAL_H
 

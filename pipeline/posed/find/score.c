@@ -1,4 +1,6 @@
 /* Scores by local mean and spread, from sums over rows and columns: windows of any size cost the same. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/posed/find/find_internal.h"
 
 #include <errno.h>

@@ -1,4 +1,6 @@
 /* Registration of views on the ground by the warm places that they show. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/posed/find/sharpen.h"
 
 #include <errno.h>

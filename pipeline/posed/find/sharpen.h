@@ -1,4 +1,6 @@
 /* pipeline/posed/find/sharpen.h - rotations of views refined by the sharpness of the integral of scores. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_POSED_FIND_SHARPEN_H
 #define SST_PIPELINE_POSED_FIND_SHARPEN_H
 

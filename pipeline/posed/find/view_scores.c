@@ -1,4 +1,6 @@
 /* Scores of single pictures: local ones of one channel, Reed-Xiaoli's of colours. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* Searches of several moments: scores of the moments on one ground are summed along straight paths. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,5 +1,7 @@
 /* Poses of AOS (airborne optical sectioning): {"images": [{"imagefile", "M3x4"}]}. M3x4 takes points from the world into
  * the camera's axes: x right, y down, z forward; z of the world is down in flights. Lenses are elsewhere. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <dirent.h>
 #include <errno.h>
 #include <math.h>

@@ -1,5 +1,7 @@
 /* Models of COLMAP: cameras, images and points. Pixel centres are at halves; poses take points from the world into the
  * camera's axes: x right, y down, z forward. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/posed/import/colmap_internal.h"
 
 #include <errno.h>

@@ -1,5 +1,7 @@
 /* COLMAP's models in binary: little-endian, without padding; a count, then that many entries. A count beyond the
  * length of its file is refused before memory is allocated. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

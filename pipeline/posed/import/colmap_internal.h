@@ -1,4 +1,6 @@
 /* pipeline/posed/import/colmap_internal.h - parts of the readers of COLMAP's models, text and binary. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_POSED_IMPORT_COLMAP_INTERNAL_H
 #define SST_PIPELINE_POSED_IMPORT_COLMAP_INTERNAL_H
 

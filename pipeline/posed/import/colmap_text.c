@@ -1,4 +1,6 @@
 /* COLMAP's models as text: one line a camera and point, two lines an image; lines with # are comments. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

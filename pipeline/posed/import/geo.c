@@ -1,6 +1,8 @@
 /* ODM's geo.txt: a line with the reference system, then a line a picture: name, x, y, z, yaw, pitch, roll, accuracies. The
  * world becomes east, north, up about the first picture. Angles in degrees: yaw 0 has the picture's top in the north, 90 in
  * the east; pitch 0 looks straight down, 90 forward; roll 90 looks to the left. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE /* strcasestr */
 #include <ctype.h>
 #include <errno.h>

@@ -1,4 +1,6 @@
 /* Imports of posed light fields: the source's format by its content, then its model, pictures and folder. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/posed/import/import.h"
 
 #include <dirent.h>

@@ -1,4 +1,6 @@
 /* pipeline/posed/import/import.h - import of pictures, with or without poses, as posed light fields. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_POSED_IMPORT_IMPORT_H
 #define SST_PIPELINE_POSED_IMPORT_IMPORT_H
 

@@ -1,5 +1,7 @@
 /* LLFF's poses_bounds.npy: a row of 17 numbers a picture, pictures in the order of their names. 15 are a matrix of 3 rows
  * and 5 columns: the camera's axes in the world (down, right, backwards), its centre, and height, width, focal length. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,6 +1,8 @@
 /* Lens of a MATLAB file of version 5: cameraParameters of the calibration app, or a structure of the same fields. An object's
  * fields are a structure within a stream of bytes within the file; matrices are stored column by column, and pixel centres
  * count from 1. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* The model that readers of other programs' poses fill: views, lenses, points. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* Moments of views by a pattern of their pictures' names; times in names. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,5 +1,7 @@
 /* mrcal's .cameramodel files, one a picture, with its name: a Python dictionary. Pixel centres are on integers; the
  * extrinsics are a rotation vector and a translation in metres that take points from the reference into the camera. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <dirent.h>
 #include <errno.h>
 #include <math.h>

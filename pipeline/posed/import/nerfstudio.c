@@ -1,5 +1,7 @@
 /* nerfstudio's transforms.json, and instant-ngp's. Matrices take points from the camera's axes (x right, y up, z back) into
  * the world; pixel centres are at halves. applied_transform was applied to the world, and is undone. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

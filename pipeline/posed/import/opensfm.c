@@ -1,6 +1,8 @@
 /* OpenSfM's reconstruction.json. Focal lengths are in units of the longer side; poses are a rotation vector and a
  * translation that take points from the world into the camera's axes: x right, y down, z forward. With GPS the world is
  * east, north, up about reference_lla, metres. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* Pictures of an import: found by the names in a source, or listed. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <ctype.h>
 #include <dirent.h>
 #include <errno.h>

@@ -1,4 +1,6 @@
 /* The folder of an import: pictures copied and checked, views with their names and lenses. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

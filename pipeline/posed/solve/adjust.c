@@ -1,4 +1,6 @@
 /* Robust bundle adjustment: Levenberg and Marquardt's steps on views and lens by the Schur complement of the points. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* Search of the poses of a scene: starts are adjusted on few tracks, the best one then on more. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

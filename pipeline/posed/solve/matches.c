@@ -1,4 +1,6 @@
 /* Features of pictures, pairs of pictures that match, and the group that they link. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* opencv_features.cc is in a part of its own, libsst-opencv.so. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 
 #include "base/plugin.h"

@@ -1,5 +1,7 @@
 /* pipeline/posed/solve/opencv_features.h - OpenCV's features and robust fits as plain C: no exceptions, no OpenCV
  * types. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_POSED_SOLVE_OPENCV_FEATURES_H
 #define SST_PIPELINE_POSED_SOLVE_OPENCV_FEATURES_H
 

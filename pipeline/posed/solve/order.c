@@ -1,4 +1,6 @@
 /* Order of the views of a scene: a path through the pictures that match best, where names are in another order. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

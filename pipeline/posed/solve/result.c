@@ -1,4 +1,6 @@
 /* Result of a scene: axes and unit of the light field, its views, points and figures, and views that are doubtful. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

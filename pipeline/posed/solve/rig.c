@@ -1,4 +1,6 @@
 /* One rig at several moments: relative poses of its views are the same, so their median is a prior of each moment. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* Cholesky's factorisation within the skyline of a symmetric matrix, in a fixed order of operations. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

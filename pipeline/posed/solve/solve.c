@@ -1,4 +1,6 @@
 /* Poses of light fields: pictures are matched, poses found, and shared by the moments of one rig. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/posed/solve/solve.h"
 
 #include <errno.h>

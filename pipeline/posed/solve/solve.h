@@ -1,4 +1,6 @@
 /* pipeline/posed/solve/solve.h - poses of the views of a light field from its pictures. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_PIPELINE_POSED_SOLVE_SOLVE_H
 #define SST_PIPELINE_POSED_SOLVE_SOLVE_H
 

@@ -1,4 +1,6 @@
 /* Starts of the adjustment: cameras on a line or in a plane, by similarities of pictures. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

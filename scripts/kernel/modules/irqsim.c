@@ -1,4 +1,6 @@
 /* scripts/kernel/modules/irqsim.c - the kernel's interrupt simulator, which gpio-sim needs, as a module. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <linux/irq.h>
 #include <linux/module.h>
 

@@ -1,4 +1,6 @@
 /* The array of simulated cameras: identity, plugging, trigger edges, the truth log. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "simulators/devices/camera/camera_internal.h"
 
 #include <errno.h>

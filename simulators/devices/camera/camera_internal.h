@@ -1,4 +1,6 @@
 /* simulators/devices/camera/camera_internal.h - state of one simulated V4L2 camera. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_SIMULATORS_DEVICES_CAMERA_CAMERA_INTERNAL_H
 #define SST_SIMULATORS_DEVICES_CAMERA_CAMERA_INTERNAL_H
 

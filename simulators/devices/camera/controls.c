@@ -1,4 +1,6 @@
 /* Controls of a simulated camera, by the rules of the kernel's control framework. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <string.h>
 

@@ -1,4 +1,6 @@
 /* V4L2 events: changes of controls, sent to the files that subscribed to them. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <string.h>
 #include <time.h>

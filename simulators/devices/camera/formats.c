@@ -1,4 +1,6 @@
 /* Pixel formats, sizes and frame rates of a simulated camera. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,4 +1,6 @@
 /* Buffers of a simulated camera: the semantics of the kernel's videobuf2, with each buffer's memory in a memfd. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE
 #include <errno.h>
 #include <fcntl.h>

@@ -1,4 +1,6 @@
 /* A camera's device file: open, close, dispatch of ioctls. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

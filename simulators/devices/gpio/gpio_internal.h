@@ -1,4 +1,6 @@
 /* simulators/devices/gpio/gpio_internal.h - shared by the files of the GPIO model only. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_SIMULATORS_DEVICES_GPIO_GPIO_INTERNAL_H
 #define SST_SIMULATORS_DEVICES_GPIO_GPIO_INTERNAL_H
 

@@ -1,4 +1,6 @@
 /* simulators/devices/gpio/gpio_model.c - lines, wires, edges and open files. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "simulators/devices/gpio/gpio_model.h"
 
 #include <errno.h>

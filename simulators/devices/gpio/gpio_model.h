@@ -1,4 +1,6 @@
 /* simulators/devices/gpio/gpio_model.h - model of GPIO chips: uAPI v1 and v2, wires, faults; no I/O. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_SIMULATORS_DEVICES_GPIO_GPIO_MODEL_H
 #define SST_SIMULATORS_DEVICES_GPIO_GPIO_MODEL_H
 

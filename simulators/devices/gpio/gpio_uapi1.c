@@ -1,4 +1,6 @@
 /* simulators/devices/gpio/gpio_uapi1.c - version 1 of the GPIO uAPI: line handles and line events. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <string.h>
 

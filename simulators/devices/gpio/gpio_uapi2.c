@@ -1,5 +1,7 @@
 /* simulators/devices/gpio/gpio_uapi2.c - version 2 of the GPIO uAPI: line requests; and the ioctls of the chip itself.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <string.h>
 

@@ -1,4 +1,6 @@
 /* Table of the device classes. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "simulators/devices/preload/preload_internal.h"
 
 #include <stddef.h>

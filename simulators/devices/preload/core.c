@@ -1,4 +1,6 @@
 /* Calls to the simulator: connections, descriptors, access to the program's memory. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE
 #include "simulators/devices/preload/preload_internal.h"
 

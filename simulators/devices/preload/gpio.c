@@ -1,4 +1,6 @@
 /* simulators/devices/preload/gpio.c - GPIO in the program: requests that return a descriptor. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE
 #include <linux/gpio.h>
 #include <stddef.h>

@@ -1,4 +1,6 @@
 /* Interposed libc functions that read the wall clock: a session's host may have a clock of its own. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <fcntl.h>

@@ -1,4 +1,6 @@
 /* Interposed libc functions that work on paths. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE
 #include <dirent.h>
 #include <dlfcn.h>

@@ -1,4 +1,6 @@
 /* simulators/devices/preload/hooks_sysfs.c - further functions through which programs read /sys and udev's data. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <fcntl.h>

@@ -1,4 +1,6 @@
 /* Path resolution in a session: /dev, /sys and udev's data are looked up in the session's folder first. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE
 #include <fcntl.h>
 #include <stdio.h>

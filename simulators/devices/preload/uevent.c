@@ -1,4 +1,6 @@
 /* simulators/devices/preload/uevent.c - kernel events: a netlink socket becomes a connection to the simulator. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <fcntl.h>

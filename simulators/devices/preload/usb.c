@@ -1,4 +1,6 @@
 /* simulators/devices/preload/usb.c - usbfs in the program: transfers and their buffers. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE
 #include <linux/usbdevice_fs.h>
 #include <stdint.h>

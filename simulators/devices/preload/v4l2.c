@@ -1,4 +1,6 @@
 /* V4L2 in the program: arrays of controls, user buffers. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE
 #include <fcntl.h>
 #include <linux/videodev2.h>

@@ -1,4 +1,6 @@
 /* simulators/devices/ptp/ptp_card.c - files on the camera's card: DCIM/100SST and the pictures in it. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,5 +1,7 @@
 /* simulators/devices/ptp/ptp_dng.c - raw files: DNG 1.4, one strip of Bayer samples and the tags that developing needs.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
 

@@ -1,5 +1,7 @@
 /* simulators/devices/ptp/ptp_internal.h - private declarations of this folder; code outside of it includes the
  * public header. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_SIMULATORS_DEVICES_PTP_PTP_INTERNAL_H
 #define SST_SIMULATORS_DEVICES_PTP_PTP_INTERNAL_H
 

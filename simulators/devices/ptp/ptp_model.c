@@ -1,4 +1,6 @@
 /* simulators/devices/ptp/ptp_model.c - sessions and transactions: command, data and response on the bulk endpoints. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "simulators/devices/ptp/ptp_model.h"
 
 #include <errno.h>

@@ -1,4 +1,6 @@
 /* simulators/devices/ptp/ptp_model.h - model of a still camera that speaks PTP (ISO 15740) over USB; no I/O. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_SIMULATORS_DEVICES_PTP_PTP_MODEL_H
 #define SST_SIMULATORS_DEVICES_PTP_PTP_MODEL_H
 

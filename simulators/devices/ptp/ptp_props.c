@@ -1,4 +1,6 @@
 /* simulators/devices/ptp/ptp_props.c - settings of the camera: values, choices, and access. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdio.h>
 #include <string.h>
 

@@ -1,4 +1,6 @@
 /* simulators/devices/ptp/ptp_shot.c - an exposure: release, mirror, exposure, files on the card, events. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdlib.h>
 #include <string.h>
 

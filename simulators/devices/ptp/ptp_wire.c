@@ -1,4 +1,6 @@
 /* simulators/devices/ptp/ptp_wire.c - numbers, strings and arrays as PTP writes them. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <stdlib.h>
 #include <string.h>
 

@@ -1,4 +1,6 @@
 /* Registry of faults: names and values. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "simulators/devices/devices_internal.h"
 #include "simulators/devices/sysfs_internal.h"
 

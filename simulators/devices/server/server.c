@@ -1,4 +1,6 @@
 /* The simulator's event loop: connections of programs and their calls. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE
 #include "simulators/devices/server/server_internal.h"
 

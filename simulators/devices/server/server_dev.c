@@ -1,5 +1,7 @@
 /* The session's /dev: real entries as links, simulated nodes as small files that the preload library presents as
  * devices. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <dirent.h>
 #include <errno.h>
 #include <stdio.h>

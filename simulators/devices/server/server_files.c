@@ -1,4 +1,6 @@
 /* Open files of the programs: socket pairs, their names, their closing. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #define _GNU_SOURCE
 #include <errno.h>
 #include <fcntl.h>

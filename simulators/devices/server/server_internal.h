@@ -1,4 +1,6 @@
 /* simulators/devices/server/server_internal.h - state of the server. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_SIMULATORS_DEVICES_SERVER_SERVER_INTERNAL_H
 #define SST_SIMULATORS_DEVICES_SERVER_SERVER_INTERNAL_H
 

@@ -1,4 +1,6 @@
 /* Timers of the simulator: a heap, the earliest one in a timerfd. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <sys/timerfd.h>

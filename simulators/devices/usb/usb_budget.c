@@ -1,4 +1,6 @@
 /* simulators/devices/usb/usb_budget.c - periodic bandwidth of buses and transaction translators. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 
 #include "simulators/devices/usb/usb_internal.h"

@@ -1,4 +1,6 @@
 /* simulators/devices/usb/usb_control.c - control transfers: standard requests, and requests of hubs. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <string.h>
 

@@ -1,4 +1,6 @@
 /* simulators/devices/usb/usb_descriptors.c - descriptors of hubs, UVC cameras and still cameras. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <string.h>
 

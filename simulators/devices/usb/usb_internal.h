@@ -1,4 +1,6 @@
 /* simulators/devices/usb/usb_internal.h - shared by the files of the USB model only. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_SIMULATORS_DEVICES_USB_USB_INTERNAL_H
 #define SST_SIMULATORS_DEVICES_USB_USB_INTERNAL_H
 

@@ -1,4 +1,6 @@
 /* simulators/devices/usb/usb_layout.c - layouts of controllers, hubs and cameras. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,4 +1,6 @@
 /* simulators/devices/usb/usb_model.c - plugging, authorisation, drivers, power and resets. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "simulators/devices/usb/usb_model.h"
 
 #include <errno.h>

@@ -1,4 +1,6 @@
 /* simulators/devices/usb/usb_model.h - model of USB controllers, hubs and cameras; no I/O. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_SIMULATORS_DEVICES_USB_USB_MODEL_H
 #define SST_SIMULATORS_DEVICES_USB_USB_MODEL_H
 

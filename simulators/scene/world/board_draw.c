@@ -5,6 +5,8 @@
  * of a pixel, e the board's centre from the eye, u, v, n the axes of the board, w = 1/Z = n.r / n.e,  s = u.r / w -
  * u.e,  t = v.r / w - v.e.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

@@ -2,6 +2,8 @@
  * The file: struct head, struct entry [cams][frames], then the frames' bytes in the order in which cameras were
  * finished. It is written and read on the same machine: numbers are in native byte order.
  */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "simulators/scene/world/world_internal.h"
 
 #include <dirent.h>

@@ -1,4 +1,6 @@
 /* Mosaic: pictures of several cameras side by side in one, as boards with several sensors deliver them. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <string.h>
 

@@ -1,4 +1,6 @@
 /* simulators/scene/world/settings.h - world files: the scene, its loop, and the imperfections of the cameras. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_SIMULATORS_SCENE_WORLD_SETTINGS_H
 #define SST_SIMULATORS_SCENE_WORLD_SETTINGS_H
 

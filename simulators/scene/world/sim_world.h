@@ -1,4 +1,6 @@
 /* simulators/scene/world/sim_world.h - the simulated world: the frame of each camera at any time and pose. */
+/* SPDX-FileCopyrightText: 2026 The sst contributors */
+/* SPDX-License-Identifier: Apache-2.0 */
 #ifndef SST_SIMULATORS_SCENE_WORLD_SIM_WORLD_H
 #define SST_SIMULATORS_SCENE_WORLD_SIM_WORLD_H
 
