@@ -36,4 +36,10 @@ static inline void small_left_out(void **state)
 #f, small_level() >= 2 ? small_left_out : f, NULL, NULL, NULL                                                  \
     }
 
+/** One that compares results of several numbers of threads, whose code other tests here run too; not under the address sanitizer. */
+#define thread_test(f)                                                                                                 \
+    {                                                                                                                  \
+#f, small_level() == 1 ? small_left_out : f, NULL, NULL, NULL                                                  \
+    }
+
 #endif

@@ -677,7 +677,7 @@ int main(void)
         serial_test(a_row_sees_vertical_shifts),
         serial_test(two_views_cannot_tell_which),
         serial_test(holes_are_stepped_over),
-        cmocka_unit_test(any_number_of_threads_gives_the_same),
+        thread_test(any_number_of_threads_gives_the_same),
         cmocka_unit_test(a_black_camera_is_named),
         cmocka_unit_test(unfit_input_is_refused),
         serial_test(the_picture_shows_the_worst_in_red),

@@ -439,7 +439,7 @@ int main(void)
         cmocka_unit_test(margins_continue_planes),
         cmocka_unit_test(edges_follow_the_colours),
         cmocka_unit_test(holes_follow_the_colours),
-        cmocka_unit_test(threads_change_nothing),
+        thread_test(threads_change_nothing),
         cmocka_unit_test(a_window_costs_as_the_whole),
         serial_test(finds_the_shift),
     };

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "pipeline/method/disparity/visible.h"
+#include "tests/small.h"
 #include "tests/test.h"
 
 enum { W = 96, H = 64, SIDE = 3, VIEWS = SIDE * SIDE, MIN_PX = -1, FLAT = 24 };
@@ -189,7 +190,7 @@ int main(void)
         cmocka_unit_test(finds_what_lies_between_steps),
         cmocka_unit_test(weak_texture_on_a_steep_slope),
         cmocka_unit_test(flat_pixels_stay_near),
-        cmocka_unit_test(same_bytes_for_any_threads),
+        thread_test(same_bytes_for_any_threads),
         cmocka_unit_test(unknown_pixels),
         cmocka_unit_test(smallest_views),
         cmocka_unit_test(cancelled),

@@ -7,6 +7,7 @@
 
 #include "pipeline/method/disparity/visible.h"
 #include "simulators/scene/noise.h"
+#include "tests/small.h"
 #include "tests/test.h"
 
 enum { W = 96, H = 48, SIDE = 3, VIEWS = SIDE * SIDE, FRONT = 12, BACK = 4, BAR = 3, PITCH = 8 };
@@ -211,7 +212,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(closed_gaps_open), cmocka_unit_test(lost_bars_return),
-        cmocka_unit_test(right_maps_stay),  cmocka_unit_test(same_bytes_for_any_threads),
+        cmocka_unit_test(right_maps_stay),  thread_test(same_bytes_for_any_threads),
         cmocka_unit_test(unknown_pixels),   cmocka_unit_test(smallest_views),
         cmocka_unit_test(cancelled),
     };

@@ -8,6 +8,7 @@
 #include <stdlib.h>
 
 #include "tests/random.h"
+#include "tests/small.h"
 #include "tests/test.h"
 
 #define SIDE 160
@@ -186,7 +187,7 @@ int main(void)
         cmocka_unit_test(neighbours_stay_visible),
         cmocka_unit_test(gaps),
         cmocka_unit_test(equal_values),
-        cmocka_unit_test(threads),
+        thread_test(threads),
         cmocka_unit_test(hysteresis),
     };
 

@@ -636,7 +636,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         plain_test(a_walker_vanishes_and_leaves_nothing),
-        cmocka_unit_test(threads_do_not_matter),
+        thread_test(threads_do_not_matter),
         cmocka_unit_test(unchanged_parts_are_kept),
         cmocka_unit_test(views_that_change_are_measured_later),
         serial_test(pictures_in_turn_keep_their_own),

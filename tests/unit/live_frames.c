@@ -16,6 +16,7 @@
 #include "pipeline/live/frames/frames.h"
 #include "pipeline/live/frames/frames_internal.h"
 #include "tests/random.h"
+#include "tests/small.h"
 #include "tests/test.h"
 
 #ifdef __SANITIZE_THREAD__
@@ -828,12 +829,12 @@ int main(void)
 {
     /* The thread sanitizer is many times slower, and these show it all there is to see. */
     const struct CMUnitTest few[] = {
-        cmocka_unit_test(any_number_of_threads_gives_the_same),
+        thread_test(any_number_of_threads_gives_the_same),
         cmocka_unit_test(cancelled_work_is_done_anew),
     };
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_first_set_is_whole),
-        cmocka_unit_test(any_number_of_threads_gives_the_same),
+        thread_test(any_number_of_threads_gives_the_same),
         cmocka_unit_test(cancelled_work_is_done_anew),
         cmocka_unit_test(noise_is_no_change),
         cmocka_unit_test(motion_everywhere_hides_no_change),

@@ -290,7 +290,7 @@ int main(void)
         serial_test(who_stands_behind_dense_leaves_is_found),
         serial_test(noise_and_dark_are_no_matter),
         cmocka_unit_test(sizes_are_checked),
-        cmocka_unit_test(threads_do_not_matter),
+        thread_test(threads_do_not_matter),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

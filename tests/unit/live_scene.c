@@ -392,7 +392,7 @@ int main(void)
         serial_test(cells_are_carried_over),
         serial_test(maps_follow_what_moves),
         serial_test(what_moved_on_leaves_nothing_behind),
-        cmocka_unit_test(threads_make_no_difference),
+        thread_test(threads_make_no_difference),
         serial_test(every_view_is_labelled_without_reuse),
         cmocka_unit_test(views_come_and_go),
         cmocka_unit_test(one_camera_is_never_ready),

@@ -198,7 +198,7 @@ static void limits_and_cancelling_end_it(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(any_number_of_threads_gives_the_same_maps),
+        thread_test(any_number_of_threads_gives_the_same_maps),
         plain_test(maps_are_right_over_tiles),
         serial_test(masked_pixels_and_missing_views_have_no_say),
         cmocka_unit_test(small_and_flat_pictures_have_maps),

@@ -10,6 +10,7 @@
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/posed/integral.h"
 #include "tests/render_views.h"
+#include "tests/small.h"
 #include "tests/test.h"
 
 #define WIDTH  160
@@ -444,7 +445,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(planes_show_their_texture),   cmocka_unit_test(terrain_shows_its_texture),
         cmocka_unit_test(rays_meet_surfaces),          cmocka_unit_test(views_that_see_nothing),
-        cmocka_unit_test(one_view_is_itself),          cmocka_unit_test(threads_give_the_same_bytes),
+        cmocka_unit_test(one_view_is_itself),          thread_test(threads_give_the_same_bytes),
         cmocka_unit_test(lattice_equals_its_renderer), cmocka_unit_test(refuses_other_pictures),
         cmocka_unit_test(kept_places_give_the_same_bytes),
     };

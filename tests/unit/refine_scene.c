@@ -9,6 +9,7 @@
 
 #include "pipeline/method/refine/refine.h"
 #include "tests/random.h"
+#include "tests/small.h"
 #include "tests/test.h"
 
 #define SIDE         3
@@ -250,7 +251,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(normals_and_plane_beat_distance_alone),
-        cmocka_unit_test(threads_do_not_matter),
+        plain_test(threads_do_not_matter),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -18,6 +18,7 @@
 #include "pipeline/lightfield/correction.h"
 #include "pipeline/method/render/plan.h"
 #include "tests/render_views.h"
+#include "tests/small.h"
 
 static void depth_weight_by_hand(void **state SST_UNUSED)
 {
@@ -601,7 +602,7 @@ int main(void)
         cmocka_unit_test(picture_by_hand),
         cmocka_unit_test(pictures_equal_the_naive_renderer),
         cmocka_unit_test(equal_weights_are_plain_refocusing),
-        cmocka_unit_test(threads_and_levels_do_not_matter),
+        thread_test(threads_and_levels_do_not_matter),
         cmocka_unit_test(parts_equal_the_whole),
         cmocka_unit_test(objects_have_their_own_range),
         cmocka_unit_test(apertures_choose_views),

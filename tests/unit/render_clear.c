@@ -8,6 +8,7 @@
 
 #include "pipeline/method/render/clear_internal.h"
 #include "simulators/scene/noise.h"
+#include "tests/small.h"
 #include "tests/test.h"
 
 #define WIDTH  64
@@ -558,7 +559,7 @@ int main(void)
         cmocka_unit_test(nothing_left_is_unknown),
         cmocka_unit_test(surfaces_equal_the_plain_reference),
         cmocka_unit_test(pictures_are_the_sum_of_their_rays),
-        cmocka_unit_test(threads_do_not_matter),
+        thread_test(threads_do_not_matter),
         cmocka_unit_test(fill_by_hand),
         cmocka_unit_test(cuts_lie_in_gaps),
         cmocka_unit_test(objects_go_through_all_views),

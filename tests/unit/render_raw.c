@@ -275,7 +275,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         serial_test(one_view_is_that_view_rectified),
         plain_test(one_interpolation_is_nearer_to_the_truth_than_two),
-        cmocka_unit_test(threads_do_not_matter),
+        thread_test(threads_do_not_matter),
         serial_test(weights_are_those_of_rectified_views),
         serial_test(rays_are_explained_as_in_rectified_views),
         serial_test(rays_add_up_to_the_picture),

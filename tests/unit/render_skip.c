@@ -376,7 +376,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         serial_test(scenes_keep_the_budget_and_the_mask),
         serial_test(a_small_budget_leaves_less_out),
-        cmocka_unit_test(same_bytes_for_any_number_of_threads),
+        thread_test(same_bytes_for_any_number_of_threads),
         serial_test(verified_pictures_are_exact),
         cmocka_unit_test(one_view_that_differs_is_seen),
         serial_test(half_occluded_tiles_keep_the_budget),
