@@ -15,12 +15,12 @@
 
 #define THREADS_MAX 8
 #define LOG_NS      INT64_C(60000000000)
-#define BEYOND      1.0 /* pictures: a corner on the edge of the reference view lies this far beyond it */
+#define BEYOND      1.0 /* pictures: a corner on the edge of the reference view goes on this far beyond it */
 
-/* A mask's corners in pixels. */
+/* A mask's corners in pixels, with those beyond the edge. */
 struct region {
     int n;
-    double x[SST_MASK_POINTS], y[SST_MASK_POINTS];
+    double x[3 * SST_MASK_POINTS], y[3 * SST_MASK_POINTS];
     const struct sst_config_mask *mask;
 };
 
@@ -82,16 +82,16 @@ static double between(const double a[2], const double b[2], const double c[2], c
     return fmin(fmin(from_segment(a, c, d), from_segment(b, c, d)), fmin(from_segment(c, a, b), from_segment(d, a, b)));
 }
 
-/* Inside by crossings of the ray to the right. */
+/* Inside if the outline goes around it: also where it crosses itself nothing is left out. */
 static bool inside(const struct region *r, const double p[2])
 {
-    bool in = false;
+    int around = 0;
 
     for (int i = 0, k = r->n - 1; i < r->n; k = i++)
         if ((r->y[i] > p[1]) != (r->y[k] > p[1]) &&
             p[0] < (r->x[k] - r->x[i]) * (p[1] - r->y[i]) / (r->y[k] - r->y[i]) + r->x[i])
-            in = !in;
-    return in;
+            around += r->y[i] > p[1] ? 1 : -1;
+    return around != 0;
 }
 
 /* Does the segment come within `reach` of the region? */
@@ -105,16 +105,42 @@ static bool touches(const struct region *r, const double a[2], const double b[2]
     return false;
 }
 
-/* Pixel centres lie on integers: the picture goes from -0.5 on. @param beyond  corners on its edge lie beyond it */
-static void set_region(struct region *r, const struct sst_config_mask *m, int width, int height, double beyond)
+/* Way out of the picture at a corner: -1, 0 or 1 on each axis. */
+static int outwards(double at)
 {
+    return at <= 0 ? -1 : at >= 1;
+}
+
+/* Is the line between two corners a part of the picture's edge? */
+static bool along_edge(const double *x, const double *y, int a, int b)
+{
+    return (outwards(x[a]) && outwards(x[a]) == outwards(x[b])) || (outwards(y[a]) && outwards(y[a]) == outwards(y[b]));
+}
+
+/* Pixel centres lie on integers: the picture goes from -0.5 on. */
+static void add_corner(struct region *r, double x, double y, const struct sst_array_config *a)
+{
+    r->x[r->n] = x * a->width - 0.5;
+    r->y[r->n++] = y * a->height - 0.5;
+}
+
+/* The region as it was drawn, and what lies beyond its parts of the edge. @param beyond  0: nothing */
+static void set_region(struct region *r, const struct sst_config_mask *m, const struct sst_array_config *a, double beyond)
+{
+    double x[SST_MASK_POINTS], y[SST_MASK_POINTS];
+    const int n = sst_mask_corners(m, x, y);
+
     r->mask = m;
-    r->n = sst_mask_corners(m, r->x, r->y);
-    for (int i = 0; i < r->n; i++) {
-        r->x[i] += r->x[i] <= 0 ? -beyond : r->x[i] >= 1 ? beyond : 0;
-        r->y[i] += r->y[i] <= 0 ? -beyond : r->y[i] >= 1 ? beyond : 0;
-        r->x[i] = r->x[i] * width - 0.5;
-        r->y[i] = r->y[i] * height - 0.5;
+    r->n = 0;
+    for (int i = 0; i < n; i++) {
+        const bool before = along_edge(x, y, i, (i + n - 1) % n), after = along_edge(x, y, i, (i + 1) % n);
+
+        if (!before || !(beyond > 0))
+            add_corner(r, x[i], y[i], a);
+        if (beyond > 0 && (outwards(x[i]) || outwards(y[i])))
+            add_corner(r, x[i] + beyond * outwards(x[i]), y[i] + beyond * outwards(y[i]), a);
+        if (beyond > 0 && !after)
+            add_corner(r, x[i], y[i], a);
     }
 }
 
@@ -214,7 +240,7 @@ static int place_camera(struct sst_masks *m, int cam, const struct views *v)
         }
         if (!reference && (mask->row != at->row || mask->col != at->col))
             continue;
-        set_region(&r, mask, a->width, a->height, reference ? BEYOND : 0);
+        set_region(&r, mask, a, reference ? BEYOND : 0);
         if (!reference) {
             mask_own(m, c->black, &r);
         } else if (v->path[0] && !v->calib.camera[view].known) {

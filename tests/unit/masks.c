@@ -493,13 +493,49 @@ static void test_beyond_the_edge(void **state)
     sst_masks_destroy(m);
 }
 
+/* A region that widens towards the edge covers all that was drawn, whatever lies beyond the edge; so does one whose outline
+ * crosses itself. */
+static void test_all_that_is_drawn(void **state)
+{
+    struct sst_masks *m;
+
+    (void)state;
+    set_array(1, 3);
+    array.width = 640;
+    array.height = 480;
+    array.fourcc = V4L2_PIX_FMT_GREY;
+    array.masks = 1;
+    array.mask[0] = (struct sst_config_mask){ "street", -1, -1, 0, 0, 1, 1, "0,0.3 0.4,0.4 0.4,0.5 0,0.8", 20, 0 };
+    assert_int_equal(sst_masks_create(&m, &array), 0);
+    for (int x = 2; x < 250; x += 4)
+        for (int y = 0; y < 480; y += 4) {
+            const double u = (x + 0.5) / 640, v = (y + 0.5) / 480;
+
+            if (v > 0.3 + 0.25 * u && v < 0.8 - 0.75 * u && !is_black(m, 1, x, y))
+                fail_msg("%d,%d px of the region is seen", x, y);
+        }
+    for (int y = 150; y < 380; y += 10) /* beyond the edge it goes on as high as it was on it */
+        assert_true(is_black(m, 0, 0, y) && is_black(m, 0, 15, y));
+    assert_false(is_black(m, 1, 10, 100) || is_black(m, 1, 10, 420) || is_black(m, 1, 300, 216));
+    sst_masks_destroy(m);
+
+    for (int of = -1; of < 1; of++) { /* a star */
+        array.mask[0] = (struct sst_config_mask){
+            "star", of, of < 0 ? -1 : 1, 0, 0, 1, 1, "0.5,0.1 0.73,0.82 0.12,0.38 0.88,0.38 0.27,0.82", of < 0 ? 1 : INFINITY, 0
+        };
+        assert_int_equal(sst_masks_create(&m, &array), 0);
+        assert_true(is_black(m, 1, 320, 80) && is_black(m, 1, 320, 240) && !is_black(m, 1, 320, 400));
+        sst_masks_destroy(m);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_jpeg_keeps_nothing), cmocka_unit_test(test_jpeg_whole_groups),
         cmocka_unit_test(test_jpeg_damaged),       cmocka_unit_test(test_raw_formats),
         cmocka_unit_test(test_sets),               cmocka_unit_test(test_reference_view),
-        cmocka_unit_test(test_beyond_the_edge),
+        cmocka_unit_test(test_beyond_the_edge),    cmocka_unit_test(test_all_that_is_drawn),
     };
 
     return cmocka_run_group_tests(tests, test_folder_create, test_folder_remove);
