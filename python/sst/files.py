@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files read whole up to a limit, JSON with checked fields, and the error of damaged ones."""
 import json
-import math
 import os
 
 import numpy as np
@@ -72,7 +71,7 @@ class Fields:
 
     def number(self, field, lo=-1e12, hi=1e12):
         v = self.get(field)
-        if type(v) not in (int, float) or not math.isfinite(v) or not lo <= v <= hi:
+        if type(v) not in (int, float) or not lo <= v <= hi:
             self.fault(field, f"is not a number in {lo:g}..{hi:g}")
         return float(v)
 
@@ -108,7 +107,7 @@ class Fields:
 
     def numbers(self, field, *counts):
         v = self.list(field, max(counts))
-        if len(v) not in counts or any(type(x) not in (int, float) or not math.isfinite(x) or abs(x) > 1e12 for x in v):
+        if len(v) not in counts or any(type(x) not in (int, float) or not -1e12 <= x <= 1e12 for x in v):
             self.fault(field, f"is not a list of {' or '.join(map(str, counts))} numbers")
         return np.array(v, dtype=np.float64)
 

@@ -47,6 +47,8 @@ class _Folder:
         self.samples = None
         if "samples" in f:
             self.samples = tuple(int(v) for v in f.numbers("samples", 2))
+            if not 0 <= self.samples[0] < self.samples[1] <= 65535:
+                f.fault("samples", "are not two ascending numbers in 0..65535")
 
     def _picture(self, file, sha256, verify, size):
         path = os.path.join(self.path, "views", file)
@@ -332,7 +334,7 @@ class Posed(_Folder):
         data = read_bytes(path, 16 + count * 28 + 4000000 * 12)
         if hashlib.sha256(data).hexdigest() != sha256:
             raise FormatError(f"{path} has changed since it was stored (its SHA-256 differs); import the pictures again")
-        if data[:8] not in (b"SSTPTS1\n", b"SSTPTS2\n") or struct.unpack_from("<Q", data, 8)[0] != count or len(data) < 16 + 28 * count:
+        if len(data) < 16 + 28 * count or data[:8] not in (b"SSTPTS1\n", b"SSTPTS2\n") or struct.unpack_from("<Q", data, 8)[0] != count:
             raise FormatError(f"{path} is not of the number of points that lightfield.json names")
         made = np.frombuffer(data, np.dtype([("at", "<f8", 3), ("views", "<i4")]), count, 16)
         return made["at"].copy(), made["views"].astype(int)

@@ -16,6 +16,7 @@ _MOST_LINE = 1024 + 256 * 192
 _COLUMNS = ["cam", "sequence", "lost_before", "from_set_ns", "arrival_ns", "offset", "bytes", "stride", "faults", "crc32"]
 _BAYER = {"RGGB": (0, 0), "GRBG": (1, 0), "GBRG": (0, 1), "BA81": (1, 1)}  # column and row of the red sample
 _BAD, _PARTS = 127, 256
+_MOST_OFFSET, _MOST_STRIDE = 1 << 62, 1 << 20
 _SAME_NS = 1000        # between a base's time and that of its set
 _BACK_NS = 10 * 10**9  # by which the wall clock may have been set while it was searched
 _FAULTS = ("flagged by the driver", "empty", "short", "no JPEG start", "no JPEG end", "broken JPEG", "time stamp backwards", "frozen", "parts",
@@ -244,7 +245,8 @@ class Recording:
             if not isinstance(row, list) or len(row) != len(_COLUMNS) or any(type(v) is not int for v in row):
                 f.fault("frames", "has a row that is not ten whole numbers")
             frame = dict(zip(_COLUMNS, row))
-            if not 0 <= frame["cam"] < len(self.cameras) or frame["cam"] in made["frames"] or not 0 <= frame["bytes"] < 1 << 31 or frame["offset"] < -1:
+            if (not 0 <= frame["cam"] < len(self.cameras) or frame["cam"] in made["frames"] or not 0 <= frame["bytes"] < 1 << 31 or
+                    not (0 if frame["bytes"] else -1) <= frame["offset"] < _MOST_OFFSET or not 0 <= frame["stride"] <= _MOST_STRIDE):
                 f.fault("frames", "has a row with numbers out of range")
             made["frames"][frame["cam"]] = frame
         return made

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """python3-sst against `sst export npz`, the light fields that `sst import recording` makes, and damaged files: readers.py SST [PART ...]"""
 import dataclasses
+import hashlib
 import json
 import os
 import shutil
@@ -139,6 +140,9 @@ def check_damage():
     changed(lambda r: r.update(rows=0), "rows is not a whole number")
     changed(lambda r: r.update(rows=True), "rows is not a whole number")
     changed(lambda r: r.update(focal_px=float("nan")), "focal_px is not a number")
+    changed(lambda r: r.update(focal_px=10**400), "focal_px is not a number")
+    changed(lambda r: r.update(off_centre_px=[10**400, 0]), "off_centre_px is not a list")
+    changed(lambda r: r.update(samples=[7, 7]), "samples are not two ascending")
     changed(lambda r: r.update(views=[]), "views is empty")
     changed(lambda r: r["views"][0].update(file="../x"), "not a plain file name")
     changed(lambda r: r["views"].append(r["views"][0]), "occur twice")
@@ -147,6 +151,7 @@ def check_damage():
     image = lambda d: sst.open(d).image((0, 0))  # noqa: E731
     changed(bytes_of("views/00_00.png", first[:-20]), "truncated", image)
     changed(bytes_of("views/00_00.png", first[:60] + b"x" + first[61:]), "checksum", image)
+    changed(bytes_of("views/00_00.png", b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n%%EndComments\nshowpage\n"), "cannot be read as a picture", image)
     other = open("bush.lf/views/00_01.png", "rb").read()
     changed(bytes_of("views/00_00.png", other), "SHA-256", image)
     assert sst.open("bad.lf").image((0, 0), verify=False).shape == (120, 160, 3)
@@ -160,6 +165,15 @@ def check_damage():
     with open("bad.lf/lightfield.json", "wb") as f:
         f.truncate(5 << 20)
     refused("larger than", sst.open, "bad.lf")
+    if os.path.isdir("points.lf"):
+        shutil.rmtree("bad.lf")
+        shutil.copytree("points.lf", "bad.lf")
+        with open("bad.lf/lightfield.json", encoding="utf8") as f:
+            root = json.load(f)
+        bytes_of(root["points"]["file"], b"SSTPTS1\n")(None)
+        root["points"]["sha256"] = hashlib.sha256(b"SSTPTS1\n").hexdigest()
+        bytes_of("lightfield.json", json.dumps(root).encode())(None)
+        refused("number of points", sst.open("bad.lf").points)
     for bad, words in ((b"Pf 2 2 -1\n" + b"\0" * 15, "15 bytes"), (b"PF 2 2 -1\n", "not a PFM"), (b"Pf 99999 99999 -1\n", "claims")):
         with open("bad.pfm", "wb") as f:
             f.write(bad)
@@ -262,6 +276,14 @@ def check_recordings():
     lines = open("torn/sets.jsonl", "rb").read().splitlines(keepends=True)
     sets = [n for n, line in enumerate(lines) if line.startswith(b'{"set"')]
     lines[sets[1]] = lines[sets[1]].replace(b'"edge"', b'"Edge"')
+    for column, value in ((5, -1), (5, 1 << 70), (7, 1 << 40), (7, -1)):  # offsets and strides that no recorder writes
+        root = json.loads(lines[sets[0]])
+        root.pop("crc")
+        root["frames"][1][column] = value
+        line = json.dumps(root, separators=(",", ":"))[:-1].encode()
+        with open("torn/sets.jsonl", "wb") as f:
+            f.write(b"".join(lines[:sets[0]]) + line + b',"crc":"%08x"}\n' % zlib.crc32(line))
+        refused("out of range", sst.Recording("torn").frame, 0, 1)
     with open("torn/sets.jsonl", "wb") as f:
         f.write(b"".join(lines) + b'{"set":99,"t_ns":')
     torn = sst.Recording("torn")
