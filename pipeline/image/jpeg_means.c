@@ -502,6 +502,34 @@ static int put_first(struct writer *w, const struct reader *r, const struct scan
     return 0;
 }
 
+/* Copy the frame's header up to its scan, without comments and application segments: small pictures in them, also JFIF's, show the
+ * whole. What they say about colours is kept. @return bytes; 0: it is damaged */
+static size_t copy_header(uint8_t *to, const uint8_t *header, size_t bytes)
+{
+    static const uint8_t plain[2] = { 0 };
+    struct jpeg_segment s = { 0 };
+    size_t n = 2;
+
+    memcpy(to, header, n);
+    while (jpeg_next_segment(&s, header, bytes)) {
+        const bool jfif = s.mark == 0xE0 && s.bytes >= 14 && !memcmp(s.data, "JFIF", 5);
+        const bool adobe = s.mark == 0xEE && s.bytes >= 12 && !memcmp(s.data, "Adobe", 5);
+        const size_t kept = jfif ? 14 : adobe ? 12 : s.bytes;
+
+        if (((s.mark & 0xF0) == 0xE0 || s.mark == 0xFE) && !jfif && !adobe)
+            continue;
+        to[n++] = 0xFF;
+        to[n++] = s.mark;
+        to[n++] = (uint8_t)((kept + 2) >> 8);
+        to[n++] = (uint8_t)(kept + 2);
+        memcpy(to + n, s.data, kept);
+        n += kept;
+        if (jfif)
+            memcpy(to + n - sizeof(plain), plain, sizeof(plain)); /* width and height of its small picture */
+    }
+    return s.mark == JPEG_MARK_SOS ? n : 0;
+}
+
 /* Write the size of the part into the copy of the frame's header, and that there are no restarts. @return false: the
  * header has no size */
 static bool set_size(uint8_t *header, size_t bytes, int width, int height)
@@ -590,6 +618,7 @@ int sst_jpeg_cut(struct sst_jpeg_means *m, const struct sst_jpeg_frame *frame, c
     struct sst_jpeg_index *index = frame->index;
     const uint8_t *from = h->src->next_input_byte;
     const size_t header = (size_t)(from - frame->data), data = h->src->bytes_in_buffer;
+    size_t kept;
     const size_t last = index->mcu[(part->y1 - 1) * index->mcus_x + part->x1].end;
     struct scan s = { .components = h->num_components, .index = index };
     struct writer w = { 0 };
@@ -604,12 +633,14 @@ int sst_jpeg_cut(struct sst_jpeg_means *m, const struct sst_jpeg_frame *frame, c
     err = err ? err : read_parts(m, from, from + data, last / 8 + 1, &r);
     if (err)
         return err;
-    memcpy(cut, frame->data, header);
-    if (!set_size(cut, header,
+    kept = copy_header(cut, frame->data, header);
+    if (!kept)
+        return -EBADMSG;
+    if (!set_size(cut, kept,
                   sst_min_int(part->x1 * index->mcu_width, (int)h->image_width) - part->x0 * index->mcu_width,
                   sst_min_int(part->y1 * index->mcu_height, (int)h->image_height) - part->y0 * index->mcu_height))
         return -ENOTSUP;
-    w.to = cut + header;
+    w.to = cut + kept;
     err = put_part(&w, &r, &s, part);
     *out = cut;
     *bytes = (size_t)(w.to - cut);

@@ -67,7 +67,8 @@ struct sst_jpeg_frame {
 };
 
 /**
- * Make a JPEG frame of a part of another one, without decoding: its blocks have the same coefficients.
+ * Make a JPEG frame of a part of another one, without decoding: its blocks have the same coefficients. Comments and
+ * application segments, in which a small picture of the whole can be, are left out.
  *
  * @param out     out, frame; valid until the next call
  * @return 0, -ENOTSUP (the frame's code has no word for a mean, or its header is unusual), -EBADMSG, -ENOMEM; not

@@ -21,7 +21,7 @@ static uint64_t seed = 1;
 struct kind {
     struct sst_jpeg_grid grid;
     int h, v, components, restart;
-    bool progressive;
+    bool progressive, thumbnail;
 };
 
 static uint8_t *encode(const struct kind *k, size_t *bytes)
@@ -47,6 +47,13 @@ static uint8_t *encode(const struct kind *k, size_t *bytes)
     if (k->progressive)
         jpeg_simple_progression(&c);
     jpeg_start_compress(&c, TRUE);
+    if (k->thumbnail) {
+        static const JOCTET small[] = "Exif SECRET";
+
+        jpeg_write_marker(&c, JPEG_APP0 + 1, small, sizeof(small));
+        jpeg_write_marker(&c, JPEG_APP0, small, sizeof(small));
+        jpeg_write_marker(&c, JPEG_COM, small, sizeof(small));
+    }
     for (int y = 0; y < height; y++) {
         for (int x = 0; x < k->components * width; x++)
             row[x] = (JSAMPLE)(100 + (x * 3 + y * 5) % 60 + (int)(sst_random_u64(&seed) % 64));
@@ -112,7 +119,7 @@ static void parts_have_the_blocks_of_the_whole(void **state SST_UNUSED)
         { { 2, 2, 56, 40 }, 1, 1, 3, 0, false }, { { 2, 3, 40, 24 }, 1, 1, 1, 0, false },
         { { 2, 2, 64, 48 }, 2, 1, 3, 4, false }, /* restarts between cameras, */
         { { 2, 2, 64, 48 }, 2, 1, 3, 3, false }, /* and within them */
-        { { 1, 1, 64, 48 }, 2, 2, 3, 0, false },
+        { { 1, 1, 64, 48 }, 2, 2, 3, 0, false }, { { 2, 2, 64, 48 }, 2, 1, 3, 0, false, true },
     };
     struct sst_jpeg_split *split;
 
@@ -127,6 +134,8 @@ static void parts_have_the_blocks_of_the_whole(void **state SST_UNUSED)
         for (int n = kinds[i].grid.rows * kinds[i].grid.cols - 1; n >= 0; n--) {
             assert_int_equal(sst_jpeg_split_cut(split, n, &part), 0);
             assert_part(&kinds[i], whole, part, n);
+            for (size_t at = 0; at + 6 <= part.bytes; at++) /* a small picture would show the other cameras */
+                assert_memory_not_equal(part.data + at, "SECRET", 6);
         }
         free(data);
     }
