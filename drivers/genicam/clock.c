@@ -8,6 +8,7 @@
 #define SECOND_NS  INT64_C(1000000000)
 #define JUMP_NS    (SECOND_NS / 2) /* more than an event can be late, or clocks drift apart in half a minute */
 #define JUMP_ROW   3
+#define STAMP_MAX  (INT64_MAX / 2) /* 146 years: a stamp beyond is none of a clock */
 #define DRIFT_MAX  500e-6 /* crystals are better by far */
 #define DRIFT_SPAN 8      /* seconds of events from which on the drift is estimated */
 
@@ -19,6 +20,11 @@ static int64_t stamp_at(const struct genicam_clock *c, int i)
 static int64_t offset_at(const struct genicam_clock *c, int i)
 {
     return c->point[(c->first + i) % GENICAM_CLOCK_POINTS].offset_ns;
+}
+
+static bool is_stamp(int64_t stamp_ns)
+{
+    return stamp_ns >= 0 && stamp_ns <= STAMP_MAX;
 }
 
 static int least(const struct genicam_clock *c, int from, int to)
@@ -62,9 +68,12 @@ static int64_t offset_of(const struct genicam_clock *c, int64_t stamp_ns)
 
 void genicam_clock_add(struct genicam_clock *c, int64_t stamp_ns, int64_t seen_ns)
 {
-    const int64_t offset_ns = seen_ns - stamp_ns;
     const int last = (c->first + c->count - 1) % GENICAM_CLOCK_POINTS;
+    int64_t offset_ns;
 
+    if (!is_stamp(stamp_ns))
+        return;
+    offset_ns = seen_ns - stamp_ns;
     if (c->count && llabs(offset_ns - offset_of(c, stamp_ns)) > JUMP_NS) {
         if (++c->strays < JUMP_ROW)
             return;
@@ -89,7 +98,7 @@ void genicam_clock_add(struct genicam_clock *c, int64_t stamp_ns, int64_t seen_n
 
 bool genicam_clock_here(const struct genicam_clock *c, int64_t stamp_ns, int64_t *t_ns)
 {
-    if (!c->count || c->strays)
+    if (!c->count || c->strays || !is_stamp(stamp_ns))
         return false;
     *t_ns = stamp_ns + offset_of(c, stamp_ns);
     return true;

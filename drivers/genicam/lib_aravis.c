@@ -662,10 +662,10 @@ static void read_clock(struct genicam_lib *lib, struct genicam_reading *out)
     if (failed(&error))
         return;
     value = arv_camera_get_integer(lib->camera, lib->clock_value, &error);
-    out->stamp_ns = (int64_t)((double)value * lib->tick_ns);
-    if (lib->tick_ns == 1)
-        out->stamp_ns = value;
-    out->latched = !failed(&error) && value > 0;
+    if (failed(&error) || value <= 0 || (double)value * lib->tick_ns >= (double)INT64_MAX)
+        return;
+    out->stamp_ns = lib->tick_ns == 1 ? value : (int64_t)((double)value * lib->tick_ns);
+    out->latched = true;
 }
 
 int genicam_lib_read(struct genicam_lib *lib, struct genicam_reading *out)

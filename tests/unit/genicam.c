@@ -135,6 +135,25 @@ static void time_of_a_camera_is_mapped_through_delays_and_drift(void **state SST
     assert_in_range(worst, 0, 800000);
 }
 
+static void stamps_that_no_clock_has_do_no_harm(void **state SST_UNUSED)
+{
+    static const int64_t odd[] = { INT64_MIN, -1, INT64_MAX, INT64_MAX / 2 + 1 };
+    struct genicam_clock c = { 0 };
+    int64_t t;
+
+    for (size_t i = 0; i < 3 * ARRAY_LEN(odd); i++) {
+        genicam_clock_add(&c, odd[i % ARRAY_LEN(odd)], 50 * S);
+        assert_false(genicam_clock_here(&c, odd[i % ARRAY_LEN(odd)], &t));
+    }
+    genicam_clock_add(&c, 2 * S, 50 * S);
+    for (size_t i = 0; i < 3 * ARRAY_LEN(odd); i++)
+        genicam_clock_add(&c, odd[i % ARRAY_LEN(odd)], 51 * S);
+    assert_true(genicam_clock_here(&c, 3 * S, &t));
+    assert_int_equal(t, 51 * S);
+    for (size_t i = 0; i < ARRAY_LEN(odd); i++)
+        assert_false(genicam_clock_here(&c, odd[i], &t));
+}
+
 static void a_clock_that_is_set_is_learnt_again(void **state SST_UNUSED)
 {
     struct genicam_clock c = { 0 };
@@ -243,6 +262,7 @@ int main(void)
         cmocka_unit_test(lost_frames_are_counted_by_their_numbers),
         cmocka_unit_test(time_of_a_camera_is_mapped_through_delays_and_drift),
         cmocka_unit_test(a_clock_that_is_set_is_learnt_again),
+        cmocka_unit_test(stamps_that_no_clock_has_do_no_harm),
         cmocka_unit_test(action_commands_have_the_layout_of_gige_vision),
         cmocka_unit_test(acknowledgements_are_read),
         cmocka_unit_test(a_trigger_sends_one_command_and_counts_its_answers),
