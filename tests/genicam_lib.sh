@@ -26,7 +26,7 @@ ip -n "$space" link set br0 mtu 9000
 ip -n "$space" link set br0 up
 ip -n "$space" link set lo up
 
-# camera I [LOST_PER_1000 [XML]]: starts camera G<I> at 10.88.0.<I + 1>; camera<I>.out has the time of each exposure
+# camera I [LOST_PER_1000 [XML]]: starts camera G<I>, or $serial, at 10.88.0.<I + 1>; camera<I>.out has the time of each exposure
 camera() {
   local ns=sst$$-c$1
   if ! ip netns list | grep -q "^$ns\b"; then
@@ -38,7 +38,7 @@ camera() {
     ip -n "$ns" link set lo up
     [ "$1" -le "$cameras_made" ] || cameras_made=$1
   fi
-  ip netns exec "$ns" $hardware "$fake" -i eth0 -s "G$1" -r "${2:-0}" ${3:+-g "$3"} -d all:3 >"camera$1.out" 2>&1 &
+  ip netns exec "$ns" $hardware "$fake" -i eth0 -s "${serial:-G$1}" -r "${2:-0}" ${3:+-g "$3"} -d all:3 >"camera$1.out" 2>&1 &
   camera_pid[$1]=$!
 }
 

@@ -58,9 +58,25 @@ static void add(char *text, const char *fmt, ...)
     va_end(args);
 }
 
+/* Text of a device, or of whoever answers in its place: valid UTF-8 without control characters, which terminals obey. */
 static void copy(char *out, size_t size, const char *text)
 {
+    const char *bad;
+
     snprintf(out, size, "%s", text ? text : "");
+    while (!g_utf8_validate(out, -1, &bad))
+        out[bad - out] = '?';
+    for (char *p = out, *next; *p; p = next) {
+        next = g_utf8_next_char(p);
+        if (g_unichar_iscntrl(g_utf8_get_char(p)))
+            memset(p, '?', (size_t)(next - p));
+    }
+}
+
+/* By its address where its name is not as it sent it. */
+static ArvCamera *open_device(const struct sst_genicam_device *d, GError **error)
+{
+    return arv_camera_new(strchr(d->id, '?') && *d->address ? d->address : d->id, error);
 }
 
 /* Forget an error. @return there was one */
@@ -507,7 +523,7 @@ int genicam_lib_open(struct genicam_lib **out, const struct genicam_lib_query *q
     pthread_mutex_init(&lib->lock, NULL);
     lib->cfg = *query->cfg;
     lib->cam = query->cam;
-    lib->camera = arv_camera_new(device->id, &error);
+    lib->camera = open_device(device, &error);
     if (error || !lib->camera) {
         err = error ? code_of(error) : -ENODEV;
         g_clear_error(&error);
@@ -686,7 +702,7 @@ int genicam_lib_ptp(const struct sst_genicam_device *device, struct sst_genicam_
 {
     struct genicam_lib lib = { .cfg = { .ptp = false } };
 
-    lib.camera = arv_camera_new(device->id, NULL);
+    lib.camera = open_device(device, NULL);
     if (!lib.camera)
         return -EIO;
     set_clock(&lib, NULL);

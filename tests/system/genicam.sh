@@ -63,4 +63,11 @@ sed 's/serial: G2/serial: Aravis-Fake-G2/; s/cols: 2/cols: 3/' a.yaml | sed '/^t
 in_array "$sst" doctor --config more.yaml >doctor 2>&1 && fail "a camera is missing, and doctor is content"
 grep -q '1 of 3 GenICam cameras do not answer, G3' doctor || fail "doctor: $(grep -i genicam doctor)"
 grep -q '2 cameras are PTP masters, Aravis-Fake-G' doctor || fail "clocks: $(grep -i ptp doctor)"
+
+# Names that would move a terminal's cursor; it is opened nevertheless.
+serial=$'G\e[31m3' camera 3 0 Master.xml
+"$root/tests/until.sh" "ip netns exec $space '$sst' cameras --local >list 2>err; grep -qF 'G?[31m3' list" || fail "a name with escapes: $(cat -v list err)"
+! grep -q $'\e' list || fail "escapes reach the terminal: $(cat -v list)"
+sed 's/serial: G1/serial: "G?[31m3"/; /serial: G2/d; s/cols: 2/cols: 1/' a.yaml >odd.yaml
+in_array timeout 20 "$sst" capture array --config odd.yaml -n 2 >/dev/null 2>err || fail "an odd name: $(cat -v err)"
 exit $failed
