@@ -82,7 +82,7 @@ static double between(const double a[2], const double b[2], const double c[2], c
     return fmin(fmin(from_segment(a, c, d), from_segment(b, c, d)), fmin(from_segment(c, a, b), from_segment(d, a, b)));
 }
 
-/* Inside if the outline goes around it: also where it crosses itself nothing is left out. */
+/* Inside if the outline goes around the point: also where outlines cross themselves nothing is left out. */
 static bool inside(const struct region *r, const double p[2])
 {
     int around = 0;
@@ -124,7 +124,7 @@ static void add_corner(struct region *r, double x, double y, const struct sst_ar
     r->y[r->n++] = y * a->height - 0.5;
 }
 
-/* The region as it was drawn, and what lies beyond its parts of the edge. @param beyond  0: nothing */
+/* The region as drawn, and its continuation beyond the edge of the picture. @param beyond  0: nothing */
 static void set_region(struct region *r, const struct sst_config_mask *m, const struct sst_array_config *a, double beyond)
 {
     double x[SST_MASK_POINTS], y[SST_MASK_POINTS];

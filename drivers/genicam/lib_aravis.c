@@ -58,7 +58,7 @@ static void add(char *text, const char *fmt, ...)
     va_end(args);
 }
 
-/* Text of a device, or of whoever answers in its place: valid UTF-8 without control characters, which terminals obey. */
+/* Text of a device, or of a stranger on its network: valid UTF-8 without control characters, which terminals obey. */
 static void copy(char *out, size_t size, const char *text)
 {
     const char *bad;
@@ -73,7 +73,7 @@ static void copy(char *out, size_t size, const char *text)
     }
 }
 
-/* By its address where its name is not as it sent it. */
+/* Cameras whose names were changed by copy() are found by address. */
 static ArvCamera *open_device(const struct sst_genicam_device *d, GError **error)
 {
     return arv_camera_new(strchr(d->id, '?') && *d->address ? d->address : d->id, error);

@@ -503,7 +503,7 @@ static int put_first(struct writer *w, const struct reader *r, const struct scan
 }
 
 /* Copy the frame's header up to its scan, without comments and application segments: small pictures in them, also JFIF's, show the
- * whole. What they say about colours is kept. @return bytes; 0: it is damaged */
+ * whole. Marks of colours stay. @return bytes; 0: it is damaged */
 static size_t copy_header(uint8_t *to, const uint8_t *header, size_t bytes)
 {
     static const uint8_t plain[2] = { 0 };

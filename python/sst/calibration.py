@@ -9,6 +9,7 @@ import numpy as np
 from .files import FormatError, read_bytes
 
 _MOST_BYTES = 64 << 20
+_MOST_WITHIN = 8
 _TOP = {"format", "version", "created", "source", "board", "rows", "cols", "width", "height", "reference", "rig", "range_mm", "noise_px", "cameras"}
 _CAMERA = {"row", "col", "name", "focal_px", "centre_px", "distortion", "rotation", "position_mm", "gain", "falloff", "quality"}
 
@@ -57,21 +58,19 @@ class _Yaml:
 
     def __init__(self, text, name):
         self.name, self.lines = name, []
-        flow = ""
+        flow, first, depth = [], 0, 0
         for n, line in enumerate(text.splitlines(), 1):
             line = self._uncommented(line).rstrip()
             if not line.strip() or line in ("---", "...") or line.startswith("%"):
                 continue
-            if flow:
-                flow[1].append(line.strip())
-            else:
-                flow = (n, [line])
-            whole = " ".join(flow[1])
-            if self._depth(whole) <= 0:
-                self.lines.append((flow[0], whole))
-                flow = ""
+            first = first if flow else n
+            flow.append(line.strip() if flow else line)
+            depth += self._depth(line)
+            if depth <= 0:
+                self.lines.append((first, " ".join(flow)))
+                flow, depth = [], 0
         if flow:
-            self.fault(flow[0], "a list or mapping is not closed")
+            self.fault(first, "a list or mapping is not closed")
         self.at = 0
 
     def fault(self, line, what):
@@ -119,10 +118,12 @@ class _Yaml:
         except ValueError:
             return text
 
-    def value(self, text, line):
+    def value(self, text, line, within=0):
         text = text.strip()
         if text[:1] not in ("[", "{"):
             return self.scalar(text, line)
+        if within == _MOST_WITHIN:
+            self.fault(line, "lists lie too deep in one another")
         if text[-1] != {"[": "]", "{": "}"}[text[0]]:
             self.fault(line, "a list or mapping is not closed")
         inner, parts, start, depth = text[1:-1], [], 0, 0
@@ -134,15 +135,15 @@ class _Yaml:
         parts.append(inner[start:])
         parts = [p for p in parts if p.strip()]
         if text[0] == "[":
-            return [self.value(p, line) for p in parts]
-        return self.pairs([(line, *self.key(p.strip(), line)) for p in parts])
+            return [self.value(p, line, within + 1) for p in parts]
+        return self.pairs([(line, *self.key(p.strip(), line)) for p in parts], within + 1)
 
-    def pairs(self, items):
+    def pairs(self, items, within=0):
         made = {}
         for line, key, value in items:
             if key in made:
                 self.fault(line, f"key `{key}` occurs twice")
-            made[key] = self.value(value, line) if isinstance(value, str) else value
+            made[key] = self.value(value, line, within) if isinstance(value, str) else value
         return made
 
     def key(self, text, line):
@@ -151,7 +152,9 @@ class _Yaml:
                 return text[:i].strip(), text[i + 1:].strip()
         self.fault(line, f"`{text[:40]}` is no key with a value")
 
-    def mapping(self, indent):
+    def mapping(self, indent, within=0):
+        if within == _MOST_WITHIN:
+            self.fault(self.lines[self.at - 1][0], "lists lie too deep in one another")
         items = []
         while self.at < len(self.lines):
             line, text = self.lines[self.at]
@@ -162,10 +165,10 @@ class _Yaml:
                 self.fault(line, "the indentation is wrong")
             key, value = self.key(text.strip(), line)
             self.at += 1
-            items.append((line, key, value if value else self.sequence(indent)))
+            items.append((line, key, value if value else self.sequence(indent, within)))
         return self.pairs(items)
 
-    def sequence(self, indent):
+    def sequence(self, indent, within):
         made = []
         while self.at < len(self.lines):
             line, text = self.lines[self.at]
@@ -173,7 +176,7 @@ class _Yaml:
             if own < indent or not text.lstrip().startswith("- "):
                 break
             self.lines[self.at] = (line, " " * own + "  " + text.lstrip()[2:])
-            made.append(self.mapping(own + len(text.lstrip()[2:]) - len(text.lstrip()[2:].lstrip()) + 2))
+            made.append(self.mapping(own + len(text.lstrip()[2:]) - len(text.lstrip()[2:].lstrip()) + 2, within + 1))
         return made
 
 
@@ -212,8 +215,7 @@ class Calibration:
             raise FormatError(f"{path}: reference is not [row, column]")
         self.reference = tuple(reference)
         self.rig = root.get("rig", False) is True
-        self.range_mm = float(root.get("range_mm", 0))
-        self.noise_px = float(root.get("noise_px", 0))
+        self.range_mm, self.noise_px = (self._number(root, k) for k in ("range_mm", "noise_px"))
         self.source = str(root.get("source", ""))
         self.cameras = {}
         cameras = root.get("cameras")
@@ -234,6 +236,12 @@ class Calibration:
         if type(v) is not int or not lo <= v <= hi:
             raise FormatError(f"{self.path}: {key} is not a whole number in {lo}..{hi}")
         return v
+
+    def _number(self, mapping, key):
+        v = mapping.get(key, 0)
+        if type(v) not in (int, float) or not 0 <= v <= 1e12:
+            raise FormatError(f"{self.path}: {key} is not a number in 0..1e12")
+        return float(v)
 
     def _numbers(self, mapping, key, counts, default=None):
         v = mapping.get(key, default)

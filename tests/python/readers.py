@@ -5,6 +5,7 @@ import dataclasses
 import hashlib
 import json
 import os
+import re
 import shutil
 import struct
 import subprocess
@@ -108,7 +109,9 @@ def check_calibration():
     text = open("calib.yaml", encoding="utf8").read()
     for bad, words in ((text.replace("format: sst-calib", "format: x"), "not a calibration of sst"), (text.replace("version: 1", "version: 7"), "version 7"),
                        (text + "odd: 1\n", "unknown key"), (text.replace("rows: ", "rows: -"), "rows"), (text[:len(text) // 2], ""),
-                       (text.replace("focal_px: [", "focal_px: [-"), "focal length"), ("cameras: [[[[", "not closed"), ("\xff", "")):
+                       (text.replace("focal_px: [", "focal_px: [-"), "focal length"), ("cameras: [[[[", "not closed"), ("\xff", ""),
+                       (re.sub("\\nrange_mm: .*", "", text) + "range_mm: [1]\n", "range_mm is not a number"), ("a: " + "[" * 9999 + "]" * 9999, "too deep"),
+                       ("a:\n" + "".join(" " * 4 * i + "- a:\n" for i in range(1, 999)), "too deep"), ("format: [\n" + "1,\n" * 99999 + "]\n", "not a calibration")):
         with open("bad.yaml", "w", encoding="utf8") as f:
             f.write(bad)
         if words or bad == "\xff":

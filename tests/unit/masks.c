@@ -493,8 +493,7 @@ static void test_beyond_the_edge(void **state)
     sst_masks_destroy(m);
 }
 
-/* A region that widens towards the edge covers all that was drawn, whatever lies beyond the edge; so does one whose outline
- * crosses itself. */
+/* A region that widens towards the edge is black as drawn, and so is a region whose outline crosses itself. */
 static void test_all_that_is_drawn(void **state)
 {
     struct sst_masks *m;
@@ -514,7 +513,7 @@ static void test_all_that_is_drawn(void **state)
             if (v > 0.3 + 0.25 * u && v < 0.8 - 0.75 * u && !is_black(m, 1, x, y))
                 fail_msg("%d,%d px of the region is seen", x, y);
         }
-    for (int y = 150; y < 380; y += 10) /* beyond the edge it goes on as high as it was on it */
+    for (int y = 150; y < 380; y += 10) /* beyond the edge the region has its height there */
         assert_true(is_black(m, 0, 0, y) && is_black(m, 0, 15, y));
     assert_false(is_black(m, 1, 10, 100) || is_black(m, 1, 10, 420) || is_black(m, 1, 300, 216));
     sst_masks_destroy(m);
