@@ -17,7 +17,7 @@
 #define LOG_NS      INT64_C(60000000000)
 #define BEYOND      1.0 /* pictures: a corner on the edge of the reference view goes on this far beyond it */
 
-/* A mask's corners in pixels, with those beyond the edge. */
+/* Corners of a mask in pixels, also beyond the edge. */
 struct region {
     int n;
     double x[3 * SST_MASK_POINTS], y[3 * SST_MASK_POINTS];

@@ -73,7 +73,7 @@ static void copy(char *out, size_t size, const char *text)
     }
 }
 
-/* Cameras whose names were changed by copy() are found by address. */
+/* Cameras with a name that copy() changed are found by address. */
 static ArvCamera *open_device(const struct sst_genicam_device *d, GError **error)
 {
     return arv_camera_new(strchr(d->id, '?') && *d->address ? d->address : d->id, error);
