@@ -8,6 +8,8 @@
 
 #define MCU_HEIGHT 8
 #define MARK_SOF0  0xC0
+#define MARK_RST0  0xD0
+#define MARK_EOI   0xD9
 #define MARK_SOS   0xDA
 
 void sim_mosaic_rows(uint8_t *whole, const uint8_t *part, const struct sim_mosaic *m, int at)
@@ -88,9 +90,10 @@ int sim_mosaic_jpeg(const struct sim_mosaic *m, const struct sst_sim_room *parts
             to += end - at[i];
             at[i] = end + 2;
             out.data[to++] = 0xFF;
-            out.data[to++] = row == m->rows * rows - 1 && col == m->cols - 1 ? 0xD9 : (uint8_t)(0xD0 + restarts++ % 8);
+            out.data[to++] = (uint8_t)(MARK_RST0 + restarts++ % 8);
         }
     }
+    out.data[to - 1] = MARK_EOI;
     *bytes = to;
     return 0;
 }
