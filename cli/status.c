@@ -209,6 +209,32 @@ static void print_frames(const json_t *s)
         printf("; of %.0f\n", cli_number(s, "capture.frames.delivered"));
 }
 
+/* "2; black: r0c0 24 %, r0c2 33 %": cameras whose frames have masks, and how much of each is black. */
+static void print_masks(const json_t *s, const json_t *cameras)
+{
+    const json_t *list = cli_member(cameras, "cameras");
+    const double masks = cli_number(s, "capture.privacy.masks"), withheld = cli_number(s, "capture.privacy.withheld");
+    char name[TEXT];
+    int n = 0;
+
+    if (!(masks > 0))
+        return;
+    printf("  masks      %.0f; black: ", masks);
+    for (size_t i = 0; i < json_array_size(list); i++) {
+        const json_t *cam = json_array_get(list, i);
+        const double share = cli_number(cam, "masked");
+
+        if (share > 0 && n++ < NAMED_MAX)
+            printf("%s%s %.2g %%", n > 1 ? ", " : "", cli_text(cam, "name", name, sizeof(name)), 100 * share);
+    }
+    if (n > NAMED_MAX)
+        printf(" and parts of %d more", n - NAMED_MAX);
+    printf("%s", n ? "" : "nothing of any camera");
+    if (withheld > 0)
+        printf("; %.0f damaged frames withheld", withheld);
+    printf("\n");
+}
+
 static void print_status(json_t *status, const json_t *cameras)
 {
     const double sets = cli_number(status, "capture.sets");
@@ -230,6 +256,8 @@ static void print_status(json_t *status, const json_t *cameras)
             print_missing(cameras);
         if (!strcmp(of, "(frames)"))
             print_frames(status);
+        if (!strcmp(of, "(masks)"))
+            print_masks(status, cameras);
         for (size_t i = 0; i < json_array_size(member); i++)
             print_line(json_array_get(member, i), text);
         print_line(member, text);

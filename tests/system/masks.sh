@@ -87,6 +87,7 @@ black r1c0.jpg 18 98 46 120 2>/dev/null && fail "the mask of one camera is in an
 get /snapshot/main main.jpg
 is_black main.jpg $right
 [ "$(curl -sf --unix-socket c.sock http://x/api/v1/cameras | /usr/bin/python3 -c 'import json, sys; print(sum(c["masked"] > 0.25 for c in json.load(sys.stdin)["cameras"]))')" = 4 ] || fail "shares"
+"$sst" status >out && grep -Eq '^  masks +2; black: r0c0 [0-9]+ %, .*r1c1 [0-9]+ %$' out || fail "status: $(cat out)"
 # Streams are made of the same pictures: the first of each.
 for s in /stream /stream/camera/r1c1; do
   timeout 20 curl -s -m 5 --unix-socket c.sock "http://x$s" 2>/dev/null | head -c 60000 >stream
