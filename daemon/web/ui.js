@@ -156,11 +156,12 @@ export function zone() {
   return timeZone === offset || timeZone === "UTC" ? timeZone : `${timeZone}, ${offset}`;
 }
 
-/** Local time; with the date where it is not today. */
+/** Local time; with the date where it is not today, and the year where it is not this one. */
 export function localTime(iso) {
   const at = new Date(iso);
   if (Number.isNaN(at.getTime())) return "–";
   const time = at.toLocaleTimeString(undefined, { hour: "2-digit", minute: "2-digit", second: "2-digit" });
-  const today = at.toDateString() === new Date().toDateString();
-  return today ? time : `${at.toLocaleDateString(undefined, { day: "numeric", month: "short" })} ${time}`;
+  const now = new Date();
+  const year = at.getFullYear() === now.getFullYear() ? {} : { year: "numeric" };
+  return at.toDateString() === now.toDateString() ? time : `${at.toLocaleDateString(undefined, { day: "numeric", month: "short", ...year })} ${time}`;
 }

@@ -663,7 +663,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
             if any(one["name"] == body["name"] for one in s.tokens):
                 raise Refused(409, f"token: there is a token {body['name']} already")
             s.tokens.append({"name": body["name"], "rights": body["rights"], "created": stamp(), "expired": False,
-                             "expires": stamp() if body.get("expires_s") else None})
+                             "expires": stamp(now() + datetime.timedelta(seconds=body["expires_s"])) if body.get("expires_s") else None})
             self.answer(200, {"name": body["name"], "token": "secret-of-" + body["name"]})
         elif part[:3] == ["api", "v1", "tokens"]:
             s.tokens = [one for one in s.tokens if one["name"] != part[3]]
