@@ -63,6 +63,24 @@ class _NoRedirect(urllib.request.HTTPRedirectHandler):
         return None
 
 
+def _context(cafile):
+    try:
+        return ssl.create_default_context(cafile=cafile)
+    except ssl.SSLError:
+        raise ValueError(f"{cafile} has no certificates in PEM") from None
+    except OSError as e:
+        raise type(e)(f"{cafile}, the file of certificates, cannot be read: {e.strerror}") from None
+
+
+def _silence(why, timeout):
+    """Why no answer came, without numbers of errors and lines of OpenSSL."""
+    if isinstance(why, TimeoutError):
+        return f"no answer within {timeout:g} s"
+    if isinstance(why, ssl.SSLCertVerificationError):
+        return f"its certificate is not trusted ({why.verify_message}); name the file of its authority by cafile"
+    return getattr(why, "strerror", None) or why
+
+
 class Client:
     """A service.
 
@@ -80,8 +98,11 @@ class Client:
 
     def __init__(self, url, token=None, token_file=None, timeout=10.0, cafile=None, verify=True):
         if token_file is not None:
-            with open(token_file, encoding="utf-8") as f:
-                token = f.read(4097).strip()
+            try:
+                with open(token_file, encoding="utf-8") as f:
+                    token = f.read(4097).strip()
+            except OSError as e:
+                raise type(e)(f"{token_file}, the file of the token, cannot be read: {e.strerror}") from None
         if token is not None and (not token or len(token) > 4096 or not token.isascii() or not token.isprintable()):
             raise ValueError("the token is empty, or no plain text of at most 4096 characters")
         self._token, self.timeout = token, timeout
@@ -94,7 +115,7 @@ class Client:
             if parts.scheme not in ("http", "https") or not parts.hostname or parts.query or parts.fragment or parts.username:
                 raise ValueError(f"{url} is not an address like http://127.0.0.1:8090 or unix:/run/sst/control.sock")
             if parts.scheme == "https":
-                context = ssl.create_default_context(cafile=cafile)
+                context = _context(cafile)
                 if not verify:
                     context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
                 handlers.append(urllib.request.HTTPSHandler(context=context))
@@ -118,10 +139,7 @@ class Client:
             with e:
                 raise ServiceError(f"{self.url}{path}: {self._sentence(e)}", e.code) from None
         except (OSError, http.client.HTTPException) as e:
-            why = getattr(e, "reason", e)
-            if isinstance(why, TimeoutError):
-                why = f"no answer within {self.timeout:g} s"
-            raise ServiceError(f"{self.url} does not answer: {why}") from None
+            raise ServiceError(f"{self.url} does not answer: {_silence(getattr(e, 'reason', e), self.timeout)}") from None
 
     @staticmethod
     def _sentence(e):

@@ -11,6 +11,12 @@ class FormatError(ValueError):
     """A file is damaged, of another format, or newer than this reader: one sentence with file, fault and remedy."""
 
 
+def absent(path, kind, file):
+    """FileNotFoundError of a folder that is no light field, or no recording, since it lacks `file`."""
+    why = f"it has no {file}" if os.path.isdir(path) else "it is not a folder" if os.path.exists(path) else "there is no such folder"
+    return FileNotFoundError(f"{path} is not a {kind}: {why}" + ("; numpy.load() opens it" if str(path).endswith(".npz") else ""))
+
+
 def read_bytes(path, limit):
     """Bytes of a regular file of at most `limit` bytes. Raises FileNotFoundError, OSError, FormatError (too large, no file)."""
     path = os.fspath(path)

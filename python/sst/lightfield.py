@@ -8,7 +8,7 @@ import struct
 import numpy as np
 
 from .calibration import Calibration, Camera
-from .files import Fields, FormatError, parse_json, read_bytes
+from .files import Fields, FormatError, absent, parse_json, read_bytes
 from .pictures import MOST_BYTES, MOST_PIXELS, read_map, read_pfm, read_picture
 
 _MOST_JSON = 4 << 20
@@ -25,7 +25,7 @@ def open(path):  # noqa: A001
     path = os.fspath(path)
     name = os.path.join(path, "lightfield.json")
     if not os.path.exists(name):
-        raise FileNotFoundError(f"{path} is not a light field: " + ("it has no lightfield.json" if os.path.isdir(path) else "there is no such folder"))
+        raise absent(path, "light field", "lightfield.json")
     f = Fields(parse_json(read_bytes(name, _MOST_JSON), name), name)
     if f.text("format") != "sst-lightfield":
         f.fault("format", 'is not "sst-lightfield"')
@@ -122,9 +122,12 @@ class Lattice(_Folder):
         self.infinity_px = 0.0
 
     def _place(self, view):
-        place = tuple(view)
+        try:
+            row, col = place = tuple(view)
+        except (TypeError, ValueError):
+            raise TypeError(f"{view!r} is no view of a lattice; give (row, col), as in `views`") from None
         if place not in self._files:
-            raise KeyError(f"{self.path} has no view in row {place[0]}, column {place[1]}")
+            raise KeyError(f"{self.path} has no view in row {row}, column {col}")
         return place
 
     def image(self, view, verify=True):

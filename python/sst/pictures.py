@@ -180,7 +180,8 @@ def _pillow(data, name, indices=False):
     except FormatError:
         raise
     except Exception as e:  # noqa: BLE001 - plugins of Pillow raise exceptions of any kind at damaged files
-        raise FormatError(f"{name} cannot be read as a picture: {str(e)[:200]}") from None
+        why = "it is of no format that Pillow knows" if type(e).__name__ == "UnidentifiedImageError" else str(e)[:200]
+        raise FormatError(f"{name} cannot be read as a picture: {why}") from None
 
 
 def decode_picture(data, name="picture"):

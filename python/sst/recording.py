@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .files import Fields, FormatError, parse_json, read_bytes
+from .files import Fields, FormatError, absent, parse_json, read_bytes
 from .jpeg_parts import base_ns, join
 from .pictures import check_size, decode_picture
 
@@ -44,6 +44,9 @@ class Frame:
     stride: int
     name: str  # for messages
     base: bytes = None  # JPEG of the earlier frame, where `data` has the differences from it alone (faults 256)
+
+    def __repr__(self):
+        return f"<sst.Frame {self.name}: {self.pixel_format} {self.width} x {self.height}, {len(self.data)} bytes>"
 
     @property
     def good(self):
@@ -162,7 +165,7 @@ class Recording:
         self.path = os.fspath(path)
         name = os.path.join(self.path, "recording.json")
         if not os.path.exists(name):
-            raise FileNotFoundError(f"{path} is not a recording: " + ("it has no recording.json" if os.path.isdir(path) else "there is no such folder"))
+            raise absent(path, "recording", "recording.json")
         f = Fields(parse_json(read_bytes(name, _MOST_JSON), name), name)
         if f.text("format") != "sst-recording" or f.int("version", 1, 1000000) != 1:
             raise FormatError(f"{name} is not of a recording of version 1; update python3-sst")

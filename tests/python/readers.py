@@ -96,6 +96,8 @@ def check_lightfields():
     calibrated = lattice("calibrated.lf", pixels=False)
     assert calibrated.calibration and calibrated.image(calibrated.reference).shape == (128, 160, 3)
     refused("has no view", calibrated.image, (9, 9), kind=KeyError)
+    for view in (3, None, "r0c0", (1, 2, 3)):
+        refused("give (row, col)", calibrated.image, view, kind=TypeError)
 
 
 def check_calibration():
@@ -139,6 +141,9 @@ def check_damage():
 
     refused("no such folder", sst.open, "nowhere", kind=FileNotFoundError)
     refused("no lightfield.json", sst.open, ".", kind=FileNotFoundError)
+    open("bad.npz", "w").close()
+    refused("it is not a folder; numpy.load() opens it", sst.open, "bad.npz", kind=FileNotFoundError)
+    refused("no format that Pillow knows", sst.read_picture, __file__)
     changed(lambda r: r.update(version=9), "newer than 3")
     changed(lambda r: r.update(rows=0), "rows is not a whole number")
     changed(lambda r: r.update(rows=True), "rows is not a whole number")
@@ -299,6 +304,7 @@ def check_recordings():
     last = torn.set(3)["segment"]
     os.unlink(f"torn/segments/{last:06d}.mkv")
     refused("is not there", torn.frame, 3, 0)
+    assert len(repr(frame)) < 200, repr(frame)
     refused("no recording.json", sst.Recording, "bush.lf", kind=FileNotFoundError)
 
 
@@ -320,6 +326,9 @@ def check_client():
     refused("does not answer", sst.Client("unix:/nowhere").status)
     refused("not an address", sst.Client, "ftp://x")
     refused("token is empty", sst.Client, "http://x", "")
+    refused("nowhere, the file of the token", lambda: sst.Client("http://x", token_file="nowhere"), kind=FileNotFoundError)
+    refused("nowhere, the file of certificates", lambda: sst.Client("https://x", cafile="nowhere"), kind=FileNotFoundError)
+    refused("no certificates in PEM", lambda: sst.Client("https://x", cafile=__file__))
     for mode, words in (("hang", "no answer within 0.5 s"), ("garbage", ""), ("huge", ""), ("cut", ""), ("evil", "two?lines")):
         with open(socket + ".mode", "w", encoding="utf8") as f:
             f.write(mode)
