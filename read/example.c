@@ -61,8 +61,10 @@ int main(int argc, char **argv)
         print_depth(lf, &info);
         failed = write_picture(lf, &info, argv[2]);
     }
-    if (failed)
-        fprintf(stderr, "%s\n", sst_read_error()[0] ? sst_read_error() : "cannot write the picture");
+    if (failed && sst_read_error()[0])
+        fprintf(stderr, "%s\n", sst_read_error());
+    else if (failed)
+        fprintf(stderr, "cannot write %s\n", argv[2]);
     sst_read_close(lf);
     return failed;
 }
