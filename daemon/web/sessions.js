@@ -21,7 +21,8 @@ export class Sessions {
     onUse($("log-out"), () => this.end(null));
     $("token-form").addEventListener("submit", (event) => {
       event.preventDefault();
-      this.make().catch((error) => setText($("token-made"), sentence(error.message)));
+      this.make().catch((error) => setText($("token-made"), sentence(error.message)))
+        .finally(() => $("token-made").scrollIntoView({ block: "nearest" })); // the lists above may fill the window
     });
   }
 

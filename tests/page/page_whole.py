@@ -64,8 +64,9 @@ def test_locale(b, fake):
 
 
 def make_token(b, fake, tokens):
-    """A token is made; its secret is on the page once."""
+    """A token is made; its secret is on the page once, and in the window also where that is low."""
     made = "document.getElementById('token-made')"
+    b.size(1440, 420)
     b.js("document.getElementById('token-name').value = 'porch'")
     b.click("#token-make")
     b.wait(f"{made}.textContent === 'Token: there is a token porch already.'")
@@ -79,6 +80,8 @@ def make_token(b, fake, tokens):
     b.js("document.getElementById('token-expires').value = '31536000'")
     b.click("#token-make")
     b.wait(f"{made}.querySelector('input')?.value === 'secret-of-display'")
+    b.wait(f"{made}.querySelector('input').getBoundingClientRect().bottom <= document.getElementById('sessions').getBoundingClientRect().bottom")
+    b.size(1440, 900)
     year = "new Date(Date.now() + 31536000000).getFullYear()"
     b.wait(f"{tokens}.some((text) => text.startsWith('displaysnapshot · expires') && text.includes({year}))")
     made_by = [body for body in fake.posts("/api/v1/tokens") if "name" in body]
