@@ -355,6 +355,19 @@ static void process_set(struct live_engine *v, const struct sst_kept *kept, uint
         engine_notice_follow(v);
 }
 
+/** Render and publish. An error that stays, as while the reference camera is away, is logged once. */
+static void publish(struct live_engine *v)
+{
+    char held[SST_LOG_MAX] = "", *before = sst_log_hold_errors(held);
+
+    engine_publish(v);
+    sst_log_hold_errors(before);
+    if (!*held || !strcmp(held, v->said))
+        return;
+    memcpy(v->said, held, sizeof(v->said));
+    sst_log_error("%s", held);
+}
+
 /**
  * Answer requests and render pictures; continue while a user drags a control.
  *
@@ -371,7 +384,7 @@ static void serve_clients(struct live_engine *v, int64_t took_ns)
         seen_ns = v->interaction_ns;
         pthread_mutex_unlock(&v->lock);
         engine_serve(v);
-        engine_publish(v);
+        publish(v);
         until_ns = seen_ns + DRAG_NS < end_ns ? seen_ns + DRAG_NS : end_ns;
         pthread_mutex_lock(&v->lock);
         v->served_t_ns = v->tried_t_ns;

@@ -4,6 +4,7 @@
 #ifndef SST_DAEMON_SERVICE_ENGINE_INTERNAL_H
 #define SST_DAEMON_SERVICE_ENGINE_INTERNAL_H
 
+#include "base/log.h"
 #include "daemon/service/service_internal.h"
 
 /* --- settings: settings of one view as JSON (docs/integrate/api.md). --- */
@@ -182,6 +183,7 @@ struct live_engine {
     struct sst_live_report report; /* about it */
     struct array_layout layout;
     char model[SST_PATH_MAX], device[SST_CONFIG_TEXT_MAX];
+    char said[SST_LOG_MAX]; /* last error of pictures */
     uint64_t last; /* number of the last set */
     int64_t last_ns, retry_ns;
     int64_t updated_ns; /* when the light field was last brought up to date */
