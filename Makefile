@@ -450,7 +450,7 @@ deps-packages: ## install what packages and check-packages need besides
 packages: ## Debian packages in build/packages/DIST/, built in a clean root: DIST=bookworm (default) or trixie, PACKAGES_ARCH=arm64; needs root
 	scripts/packages/build.sh $(DIST) $(PACKAGES_ARCH)
 
-check-packages: ## lintian, piuparts, autopkgtest, reprotest, first live picture of the packages of DIST; ONLY="lintian first"; needs root
+check-packages: ## lintian, piuparts, autopkgtest, second build, first live picture of the packages of DIST; ONLY="lintian first"; needs root
 	scripts/packages/check.sh $(DIST) $(ONLY)
 
 check-packages-quick: $(PROGRAMS) ## debian/ against what make install puts where; part of make check

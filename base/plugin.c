@@ -23,7 +23,9 @@ void *sst_plugin_symbol(const char *name, const char *symbol, char why[256])
     }
     strrchr(exe, '/')[1] = 0;
     snprintf(why, 256, "libsst-%s.so is neither beside the program nor in ../" SST_PLUGINDIR "%s", name,
-             strcmp(name, "opencv") ? "" : "; Debian's package sst-opencv has it");
+             !strcmp(name, "opencv") ? "; Debian's package sst-opencv has it"
+             : !strcmp(name, "aravis") ? "; Debian's package sst-genicam has it"
+                                       : "");
     for (size_t i = 0; i < ARRAY_LEN(folders) && !library; i++) {
         (void)snprintf(path, sizeof(path), "%s%slibsst-%s.so", exe, folders[i], name);
         if (access(path, F_OK))

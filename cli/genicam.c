@@ -153,7 +153,7 @@ void doctor_check_genicam(struct doctor *d)
     if (err) {
         doctor_add(d, DOCTOR_PROBLEM, "genicam",
                    "%d cameras of kind genicam are bound, but %s", bound,
-                   err == -ENOTSUP ? "libsst-aravis.so is not beside sst: install libaravis-dev and build again"
+                   err == -ENOTSUP ? "libsst-aravis.so is missing: install sst-genicam, or libaravis-dev and build again"
                                    : "cameras cannot be listed");
         return;
     }

@@ -92,8 +92,8 @@ static int check_part(void)
 
     free(devices);
     if (err == -ENOTSUP)
-        sst_log_error("GenICam cameras need libsst-aravis.so beside the program, which is built where Aravis is "
-                      "(Debian: libaravis-dev); install it, or remove the cameras of kind genicam from cameras: bind");
+        sst_log_error("GenICam cameras need libsst-aravis.so: install Debian's package sst-genicam, or libaravis-dev and "
+                      "build again; else remove the cameras of kind genicam from cameras: bind");
     return err;
 }
 

@@ -6,7 +6,7 @@
 set -u
 failed=0
 fail() { echo "FAIL: $*"; failed=1; }
-apt-get -qq update && apt-get -qq -o Dpkg::Use-Pty=0 install -y --no-install-recommends /packages/sst_*.deb /packages/sst-opencv_*.deb /packages/sstd_*.deb /packages/sst-sim_*.deb /packages/sst-models_*.deb ||
+apt-get -qq update && apt-get -qq -o Dpkg::Use-Pty=0 install -y --no-install-recommends /packages/sst_*.deb /packages/sst-opencv_*.deb /packages/sst-genicam_*.deb /packages/sstd_*.deb /packages/sst-sim_*.deb /packages/sst-models_*.deb ||
   { fail "cannot be installed"; exit 1; }
 
 for page in sst.1 sst-sim.1 sstd.8 sst-rtsp.8 sst-mqtt.8 sst-onvif.8 sstd.yaml.5; do
@@ -17,6 +17,8 @@ for program in /usr/bin/sst /usr/bin/sst-sim /usr/sbin/sstd /usr/sbin/sst-rtsp /
 done
 sst version
 sst version --json | grep -q '"opencv": true' || fail "built without OpenCV"
+sst cameras --local >/tmp/cameras 2>&1
+grep -E 'libsst-(aravis|opencv|gphoto|video)' /tmp/cameras && fail "sst cameras: $(cat /tmp/cameras)"
 
 # has LIST WORDS...: each word is in the list
 has() {

@@ -5,7 +5,7 @@
 # SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../lib.sh"
 build=$root/${SST_BUILD:-build}
-for program in sst sstd sst-sim sst-rtsp sst-mqtt sst-onvif libsst-opencv.so libsst-video.so libsst-gphoto.so; do
+for program in sst sstd sst-sim sst-rtsp sst-mqtt sst-onvif libsst-opencv.so libsst-video.so libsst-gphoto.so libsst-aravis.so; do
   [ -e "$build/$program" ] || skip "$program is not built: the packages have all optional parts"
 done
 multiarch=$(gcc -dumpmachine)
