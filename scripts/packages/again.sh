@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Reproducibility of the packages: again.sh DIST builds the source package once more, in another folder, 400 days later, in another locale,
 # time zone, umask, user's home and number of jobs, without ccache, and compares each package with the one that build.sh made. Needs root.
+# ONLY_ALL=1: the packages without programs alone, in a minute.
 # SPDX-FileCopyrightText: 2026 The sst contributors
 # SPDX-License-Identifier: Apache-2.0
 set -eu
@@ -19,10 +20,10 @@ scripts/packages/enter.sh --bind "$place:/home/builder/elsewhere" "$root" sh -ec
   cd /home/builder/elsewhere/source
   umask 0002
   exec setpriv --reuid=builder --regid=builder --init-groups env -i PATH=/usr/bin:/bin:/usr/sbin:/sbin:/home/builder/bin HOME=/nonexistent TZ=Asia/Kolkata \
-    LANG=de_DE.UTF-8 LC_ALL=de_DE.UTF-8 CAPTURED=1 DEB_BUILD_OPTIONS="nocheck parallel=3" NO_FAKE_STAT=1 faketime -f +400d dpkg-buildpackage -b -us -uc' \
+    LANG=de_DE.UTF-8 LC_ALL=de_DE.UTF-8 CAPTURED=1 DEB_BUILD_OPTIONS="nocheck parallel=3" NO_FAKE_STAT=1 faketime -f +400d dpkg-buildpackage "$1" -us -uc' - "$([ -n "${ONLY_ALL-}" ] && echo -A || echo -b)" \
   >"$place/build.log" 2>&1 || { tail -n 30 "$place/build.log" >&2; echo "the second build fails: $place/build.log" >&2; exit 1; }
 n=0 differ=0
-for deb in "$out"/*.deb; do
+for deb in "$out"/*${ONLY_ALL:+_all}.deb; do
   n=$((n + 1))
   again=$place/${deb##*/}
   cmp -s "$deb" "$again" && continue

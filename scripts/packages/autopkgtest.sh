@@ -19,7 +19,7 @@ for t in "${tests[@]}"; do
   needs=$(sed -n "/^Tests: $t\$/,/^\$/s/^Depends: //p" debian/tests/control | tr -d ,)
   # The archive is asked first; the test and all that it installs have no network.
   # shellcheck disable=SC2016
-  scripts/packages/enter.sh --network --bind "$out:/packages" --bind "$logs/$t:/log" "$root" bash -c '
+  scripts/packages/enter.sh --network --bind "$out:/packages" --bind "$logs/$t:/log" --bind "$PWD/debian:/source/debian" "$root" bash -c '
     set -eu
     test=$1
     shift
@@ -27,8 +27,8 @@ for t in "${tests[@]}"; do
     apt-get -qq update
     apt-get -qq -o Dpkg::Use-Pty=0 install -y --no-install-recommends autopkgtest iproute2 "$@" >/log/apt.log 2>&1 || { tail -n 20 /log/apt.log; exit 1; }
     rm -rf /log/out
-    exec unshare --net sh -c "ip link set lo up; exec autopkgtest --no-built-binaries --test-name=$test \
-      --ignore-restrictions=isolation-container,breaks-testbed --output-dir /log/out /packages/*.dsc -- null"' - "$t" $needs >"$logs/$t/log" 2>&1
+    exec unshare --net sh -c "ip link set lo up; exec autopkgtest --test-name=$test \
+      --ignore-restrictions=isolation-container,breaks-testbed --output-dir /log/out -B /source/ -- null"' - "$t" $needs >"$logs/$t/log" 2>&1
   rc=$?
   result=$(awk -v t="$t" '$1 == t { print $2 }' "$logs/$t/out/summary" 2>/dev/null)
   echo "$t ${result:-FAIL (exit $rc: $logs/$t/log)}"

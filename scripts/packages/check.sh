@@ -40,7 +40,7 @@ check_quick() {
 check_piuparts() {
   local root
   root=$(scripts/packages/root.sh "$dist" bare)
-  # Each alone in a copy of the root, with the others to be had for its dependencies. Folders that systemd, a dependency, makes by its own
+  # All in a copy of the root (TMPDIR=/dev/shm: in memory, faster). Folders that systemd, a dependency, makes by its own
   # tmpfiles and leaves are not of these packages.
   local ignored=()
   for f in /root/.ssh /var/cache/private /var/lib/private /var/log/private /var/lib/systemd/coredump /var/lib/systemd/pstore; do ignored+=(--ignore="$f"); done

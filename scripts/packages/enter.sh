@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Command in a throw-away copy of a root folder: all changes are gone afterwards; without a network but by --network.
 #   enter.sh [--network] [--bind HOST:INSIDE]... ROOT COMMAND [ARGUMENT]...       needs root
+# LAYERS: the folder of what is changed, beside the root otherwise; one in memory (/dev/shm) is faster.
 # SPDX-FileCopyrightText: 2026 The sst contributors
 # SPDX-License-Identifier: Apache-2.0
 set -eu
@@ -23,7 +24,7 @@ if [ "${ENTERED-}" != "$root" ]; then
   ENTERED=$root exec unshare --mount --pid --fork --kill-child --ipc --uts $network -- "$0" "${args[@]}" "$root" "$@"
 fi
 unset ENTERED
-layers=$(mktemp -d -p "$(dirname "$root")" enter.XXXXXX)
+layers=$(mktemp -d -p "${LAYERS:-$(dirname "$root")}" enter.XXXXXX)
 # The mounts go with their namespace, the layer by hand: a trap of the process that waits.
 trap 'cd /; umount -R -l "$layers/root" 2>/dev/null || true; rm -rf --one-file-system "$layers"' EXIT
 mkdir "$layers/upper" "$layers/work" "$layers/root"

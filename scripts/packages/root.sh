@@ -11,7 +11,7 @@ native=$(dpkg --print-architecture)
 mirror=${DEBIAN_MIRROR:-http://deb.debian.org/debian}
 place=$PWD/build/packages/$dist
 root=$place/$kind$([ "$arch" = "$native" ] || echo "-$arch")
-checkers='faketime lintian fish zsh bash-completion man-db apparmor systemd'
+checkers='faketime locales lintian fish zsh bash-completion man-db apparmor systemd'
 case $kind in
 bare) wanted= ;;
 build) wanted=$(sed -n '/^Build-Depends/,/^Standards/p' debian/control) ;;
