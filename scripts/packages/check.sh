@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Checks of the built packages: check.sh DIST [lintian|quick|piuparts|autopkgtest|again|first]...; all without a name. A line for
-# each, logs in build/packages/DIST/. Needs root, an archive, and for autopkgtest's virtual machine /dev/kvm (else root folders, without
-# systemd; TESTBED=root chooses these).
+# each, logs in build/packages/DIST/. Needs root, an archive, and for autopkgtest's virtual machine /dev/kvm (else a root folder, without
+# systemd; TESTBED=root chooses it).
 # SPDX-FileCopyrightText: 2026 The sst contributors
 # SPDX-License-Identifier: Apache-2.0
 set -u
@@ -38,7 +38,7 @@ check_quick() {
 }
 
 check_piuparts() {
-  local root
+  local root rc
   root=$(scripts/packages/root.sh "$dist" bare)
   # All in a copy of the root (TMPDIR=/dev/shm: in memory, faster). Folders that systemd, a dependency, makes by its own
   # tmpfiles and leaves are not of these packages.
@@ -46,18 +46,21 @@ check_piuparts() {
   for f in /root/.ssh /var/cache/private /var/lib/private /var/log/private /var/lib/systemd/coredump /var/lib/systemd/pstore; do ignored+=(--ignore="$f"); done
   (cd "$out" && dpkg-scanpackages -m . >Packages 2>/dev/null)
   piuparts --existing-chroot="$root" --distribution="$dist" --mirror="${DEBIAN_MIRROR:-http://deb.debian.org/debian} main" --no-eatmydata \
-    --bindmount="$out" --extra-repo="deb [trusted=yes] file:$out ./" --fail-on-broken-symlinks --no-upgrade-test "${ignored[@]}" \
+    --bindmount="$out" --extra-repo="deb [trusted=yes] file:$out ./" --no-upgrade-test "${ignored[@]}" \
     "$out"/*.changes >"$logs/piuparts.log" 2>&1
-  judge "piuparts" $? "$logs/piuparts.log"
+  rc=$?
+  # Broken links of dependencies (Qt's, of OpenCV) are warnings.
+  ! grep -E ' -> .* \((lib|python3-)?sst' "$logs/piuparts.log" || rc=1
+  judge "piuparts" $rc "$logs/piuparts.log"
 }
 
-# In a virtual machine with systemd and AppArmor, or (TESTBED=root, or no /dev/kvm) in root folders.
+# In a virtual machine with systemd and AppArmor, or (TESTBED=root, or no /dev/kvm) in a root folder.
 check_autopkgtest() {
   local machine rc
   if [ "${TESTBED-machine}" = root ] || [ ! -w /dev/kvm ]; then
     scripts/packages/autopkgtest.sh "$dist" >"$logs/autopkgtest.log" 2>&1
     rc=$?
-    judge "autopkgtest in root folders: $(tr '\n' ' ' <"$logs/autopkgtest.log")" $rc "$logs/autopkgtest.log"
+    judge "autopkgtest in a root folder: $(tr '\n' ' ' <"$logs/autopkgtest.log")" $rc "$logs/autopkgtest.log"
     return
   fi
   rm -rf "$logs/autopkgtest"
