@@ -11,7 +11,7 @@ out=$PWD/build/packages/$dist/$(dpkg --print-architecture) logs=$PWD/build/packa
 [ $# -gt 0 ] || read -ra tests <<<"$(sed -nE 's/^Tests: *//p' debian/tests/control | tr '\n' ' ')"
 [ $# -eq 0 ] || tests=("$@")
 root=$(scripts/packages/root.sh "$dist" bare)
-(cd "$out" && dpkg-scanpackages -m . >Packages 2>/dev/null)
+(cd "$out" && dpkg-scanpackages -m . >Packages.new 2>/dev/null && mv Packages.new Packages)
 rm -rf "$logs"
 mkdir -p "$logs"
 needs= names=
