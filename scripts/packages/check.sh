@@ -43,7 +43,7 @@ check_piuparts() {
   # All in a copy of the root (TMPDIR=/dev/shm: in memory, faster). Folders that systemd, a dependency, makes by its own
   # tmpfiles and leaves are not of these packages.
   local ignored=()
-  for f in /root/.ssh /var/cache/private /var/lib/private /var/log/private /var/lib/systemd/coredump /var/lib/systemd/pstore; do ignored+=(--ignore="$f"); done
+  for f in /root/.ssh /var/cache/private /var/lib/private /var/log/private /var/lib/systemd/coredump /var/lib/systemd/pstore; do ignored+=(--ignore="$f/"); done
   (cd "$out" && dpkg-scanpackages -m . >Packages.new 2>/dev/null && mv Packages.new Packages)
   piuparts --existing-chroot="$root" --distribution="$dist" --mirror="${DEBIAN_MIRROR:-http://deb.debian.org/debian} main" --no-eatmydata \
     --bindmount="$out" --extra-repo="deb [trusted=yes] file:$out ./" --no-upgrade-test "${ignored[@]}" \
