@@ -32,8 +32,8 @@ PYTHON ?= /usr/bin/python3
 have = $(shell $(PKG_CONFIG) --exists $(1) 2>/dev/null && echo 1 || echo 0)
 WITH_OPENCV ?= $(call have,opencv4)
 WITH_AVFORMAT ?= $(call have,libavformat libavcodec libavutil libswscale)
-# Version 3 of oneDNN, of Debian 13, has another interface.
-WITH_DNNL ?= $(shell printf '%s\n' '$(hash)include <dnnl_version.h>' DNNL_VERSION_MAJOR | $(CC) -E -P - 2>/dev/null | grep -qx 2 && echo 1 || echo 0)
+# Versions 2 and 3 of oneDNN: compat_dnnl.c.
+WITH_DNNL ?= $(shell printf '%s\n' '$(hash)include <dnnl_version.h>' DNNL_VERSION_MAJOR | $(CC) -E -P - 2>/dev/null | grep -qx '[23]' && echo 1 || echo 0)
 WITH_DEFLATE ?= $(call have,libdeflate)
 WITH_UDEV ?= $(call have,libudev)
 WITH_USB ?= $(call have,libusb-1.0)
@@ -143,7 +143,7 @@ PRELOAD_SRC := $(sort $(wildcard simulators/devices/preload/*.c))
 # Sources of optional parts, by whether they are built; gpio_none.c, sysfs.c and tiff_none.c replace parts that have callers without them.
 OPTIONAL_AVFORMAT := capture/recording/libav.c
 OPTIONAL_DEFLATE := pipeline/image/png_plain.c
-OPTIONAL_DNNL := $(addprefix pipeline/method/network/,plan.c plan_bits.c plan_conv.c device_plan.c plan_dnnl.c sample.c)
+OPTIONAL_DNNL := $(addprefix pipeline/method/network/,plan.c plan_bits.c plan_conv.c device_plan.c plan_dnnl.c compat_dnnl.c sample.c)
 OPTIONAL_HTTPD := $(patsubst %,daemon/publish/http_%.c,access check download events peer reply request stream video watch web)
 OPTIONAL_ISAL := pipeline/image/png_pack.c
 OPTIONAL_TIFF := $(addprefix pipeline/image/,file_tiff.c tiff.c tiff_grid.c)

@@ -48,7 +48,7 @@ struct sst_gpu_net_tensor {
  * a kernel has kernel[0] * kernel[1] * from.pitch words,
  *   weights_at  words of K * channels, padded: [word of a pixel, tap after tap][channel]; of bytes, four inputs a word
  *   scales_at   floats of channels, padded: factors of the sums (net_conv8 only)
- *   bias_at     floats of channels, padded; added before the factor
+ *   bias_at     floats of channels, padded; added before the factor or after it, by bias_first
  * Then the residual is added, relu applied, and the result stored: as float, or as byte of result * out_scale (net_conv
  * only; net_conv8 has it in its factors), to nearest, halves to even. Groups: tiles of pixels, tiles of channels.
  *
@@ -66,7 +66,7 @@ struct sst_gpu_net_conv {
     float out_scale;
     uint32_t relu;
     uint32_t by_parts; /* net_conv: not 0 unless fma() rounds once */
-    uint32_t bias_first; /* net_conv: sums begin with the bias, else it is added to them */
+    uint32_t bias_first; /* sums begin with the bias; else it is added, in net_conv8 after the factor */
 };
 
 /** net_pool, net_resize, net_move, net_unit. What is read is `scale` times what is stored, unless it is 1. */

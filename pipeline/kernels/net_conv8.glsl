@@ -78,8 +78,14 @@ vec4 bias_of(uint four)
 
 void store_scaled(uint pixel, uint four, ivec4 sum, vec4 scale, vec4 bias)
 {
-    precise vec4 value = (vec4(sum) + bias) * scale;
+    precise vec4 value = vec4(sum);
 
+    if (bias_first != 0) {
+        value = (value + bias) * scale;
+    } else {
+        value = value * scale;
+        value = value + bias;
+    }
     if (residual_mode != NONE) {
         const vec4 q = residual_of(pixel, four);
 

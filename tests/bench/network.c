@@ -5,7 +5,6 @@
  *   network MODEL.onnx WxH ROUNDS */
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
-#include <dnnl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -15,6 +14,7 @@
 #include "base/mem.h"
 #include "base/stats.h"
 #include "pipeline/method/disparity/stage.h"
+#include "pipeline/method/network/compat_dnnl.h"
 #include "pipeline/method/network/graph.h"
 #include "pipeline/method/network/network.h"
 
@@ -29,10 +29,15 @@ struct bare {
 };
 
 struct bare_network {
-    dnnl_engine_t engine;
-    dnnl_stream_t stream;
+    struct net_dnnl dnnl;
     struct bare *convs;
     int n_convs;
+};
+
+/* How a convolution is computed. */
+struct form {
+    dnnl_alg_kind_t algorithm;
+    bool int8;
 };
 
 struct kind {
@@ -64,70 +69,83 @@ static void check(dnnl_status_t status, const char *what)
     }
 }
 
-static dnnl_memory_t memory_of(dnnl_engine_t engine, const dnnl_memory_desc_t *md)
+static dnnl_memory_t memory_of(const struct net_dnnl *d, const_dnnl_primitive_desc_t pd, dnnl_query_t what, int index)
 {
+    const_dnnl_memory_desc_t md = dnnl_primitive_desc_query_md(pd, what, index);
     dnnl_memory_t m;
     float *data;
 
-    check(dnnl_memory_create(&m, md, engine, DNNL_MEMORY_ALLOCATE), "memory");
+    check(dnnl_memory_create(&m, md, d->engine, DNNL_MEMORY_ALLOCATE), "memory");
     check(dnnl_memory_get_data_handle(m, (void **)&data), "memory");
     memset(data, 0, dnnl_memory_desc_get_size(md));
     return m;
 }
 
-static dnnl_status_t describe(dnnl_primitive_desc_t *pd, dnnl_engine_t engine, const struct sst_op *op,
-                              const struct sst_shape *shapes, dnnl_alg_kind_t algorithm, bool int8)
+static const_dnnl_memory_desc_t layout(struct net_dnnl *d, const struct net_dnnl_shape *shape)
+{
+    const_dnnl_memory_desc_t md;
+
+    if (net_dnnl_layout(d, &md, shape)) {
+        fputs("network: oneDNN: a layout failed\n", stderr);
+        exit(1);
+    }
+    return md;
+}
+
+static int describe(struct net_dnnl *d, dnnl_primitive_desc_t *pd, const struct sst_op *op,
+                    const struct sst_shape *shapes, const struct form *form)
 {
     const struct sst_shape in = shapes[op->in[0]], out = shapes[op->out];
     const int g = op->group;
-    const dnnl_dims_t src_dims = { 1, in.c, in.h, in.w }, dst_dims = { 1, out.c, out.h, out.w }, bias_dims = { out.c };
-    const dnnl_dims_t w4 = { out.c, in.c, op->kernel[0], op->kernel[1] };
-    const dnnl_dims_t w5 = { g, out.c / g, in.c / g, op->kernel[0], op->kernel[1] };
-    const dnnl_dims_t strides = { op->stride[0], op->stride[1] };
-    const dnnl_dims_t dilation = { op->dilation[0] - 1, op->dilation[1] - 1 };
-    const dnnl_dims_t before = { op->pad_before[0], op->pad_before[1] }, after = { op->pad_after[0], op->pad_after[1] };
-    const dnnl_data_type_t src_type = !int8 ? dnnl_f32 : in.c < 4 ? dnnl_s8 : dnnl_u8;
-    const dnnl_data_type_t dst_type = !int8 ? dnnl_f32 : op->relu ? dnnl_u8 : dnnl_s8;
-    dnnl_memory_desc_t src, weights, bias, dst;
-    dnnl_convolution_desc_t desc;
+    const bool int8 = form->int8;
+    const dnnl_data_type_t src = !int8 ? dnnl_f32 : in.c < 4 ? dnnl_s8 : dnnl_u8, weights = int8 ? dnnl_s8 : dnnl_f32;
+    const dnnl_data_type_t dst = !int8 ? dnnl_f32 : op->relu ? dnnl_u8 : dnnl_s8;
+    const dnnl_format_tag_t any = dnnl_format_tag_any;
+    const struct net_dnnl_shape w4 = { 4, { out.c, in.c, op->kernel[0], op->kernel[1] }, weights, any };
+    const struct net_dnnl_shape w5 = { 5, { g, out.c / g, in.c / g, op->kernel[0], op->kernel[1] }, weights, any };
+    const struct net_dnnl_layer layer = {
+        .algorithm = form->algorithm,
+        .src = layout(d, &(struct net_dnnl_shape){ 4, { 1, in.c, in.h, in.w }, src, any }),
+        .weights = layout(d, g > 1 ? &w5 : &w4),
+        .bias = layout(d, &(struct net_dnnl_shape){ 1, { out.c }, dnnl_f32, dnnl_x }),
+        .dst = layout(d, &(struct net_dnnl_shape){ 4, { 1, out.c, out.h, out.w }, dst, any }),
+        .stride = { op->stride[0], op->stride[1] },
+        .dilation = { op->dilation[0] - 1, op->dilation[1] - 1 },
+        .before = { op->pad_before[0], op->pad_before[1] },
+        .after = { op->pad_after[0], op->pad_after[1] },
+    };
     dnnl_primitive_attr_t attr;
     dnnl_post_ops_t post;
-    dnnl_status_t status;
+    int err = 0;
 
-    check(dnnl_memory_desc_init_by_tag(&src, 4, src_dims, src_type, dnnl_format_tag_any), "source");
-    check(dnnl_memory_desc_init_by_tag(&weights, g > 1 ? 5 : 4, g > 1 ? w5 : w4, int8 ? dnnl_s8 : dnnl_f32,
-                                       dnnl_format_tag_any),
-          "weights");
-    check(dnnl_memory_desc_init_by_tag(&bias, 1, bias_dims, dnnl_f32, dnnl_x), "bias");
-    check(dnnl_memory_desc_init_by_tag(&dst, 4, dst_dims, dst_type, dnnl_format_tag_any), "result");
     check(dnnl_primitive_attr_create(&attr), "attributes");
     check(dnnl_post_ops_create(&post), "attributes");
     if (op->residual)
-        check(dnnl_post_ops_append_sum(post, 1.0f), "sum");
-    if (op->relu)
-        check(dnnl_post_ops_append_eltwise(post, 1.0f, dnnl_eltwise_relu, 0.0f, 0.0f), "relu");
+        err = net_dnnl_append_sum(post, 1.0f, dnnl_data_type_undef);
+    if (!err && op->relu)
+        err = net_dnnl_append_relu(post);
     check(dnnl_primitive_attr_set_post_ops(attr, post), "attributes");
-    check(dnnl_dilated_convolution_forward_desc_init(&desc, dnnl_forward_inference, algorithm, &src, &weights, &bias,
-                                                     &dst, strides, dilation, before, after),
-          "convolution");
-    status = dnnl_primitive_desc_create(pd, &desc, attr, engine, NULL);
+    err = err ? err : net_dnnl_conv(d, pd, &layer, attr);
     dnnl_post_ops_destroy(post);
     dnnl_primitive_attr_destroy(attr);
-    return status;
+    return err;
 }
 
-static void make_bare(struct bare *b, dnnl_engine_t engine, const struct sst_op *op, const struct sst_shape *shapes,
+static void make_bare(struct bare *b, struct net_dnnl *d, const struct sst_op *op, const struct sst_shape *shapes,
                       bool int8)
 {
     dnnl_primitive_desc_t pd;
 
-    if (int8 || describe(&pd, engine, op, shapes, dnnl_convolution_winograd, false))
-        check(describe(&pd, engine, op, shapes, dnnl_convolution_auto, int8), "convolution");
+    if ((int8 || describe(d, &pd, op, shapes, &(struct form){ dnnl_convolution_winograd, false })) &&
+        describe(d, &pd, op, shapes, &(struct form){ dnnl_convolution_auto, int8 })) {
+        fputs("network: oneDNN: a convolution failed\n", stderr);
+        exit(1);
+    }
     check(dnnl_primitive_create(&b->primitive, pd), "primitive");
-    b->src = memory_of(engine, dnnl_primitive_desc_query_md(pd, dnnl_query_src_md, 0));
-    b->weights = memory_of(engine, dnnl_primitive_desc_query_md(pd, dnnl_query_weights_md, 0));
-    b->bias = memory_of(engine, dnnl_primitive_desc_query_md(pd, dnnl_query_weights_md, 1));
-    b->dst = memory_of(engine, dnnl_primitive_desc_query_md(pd, dnnl_query_dst_md, 0));
+    b->src = memory_of(d, pd, dnnl_query_src_md, 0);
+    b->weights = memory_of(d, pd, dnnl_query_weights_md, 0);
+    b->bias = memory_of(d, pd, dnnl_query_weights_md, 1);
+    b->dst = memory_of(d, pd, dnnl_query_dst_md, 0);
     dnnl_primitive_desc_destroy(pd);
 }
 
@@ -135,15 +153,16 @@ static void make_network(struct bare_network *b, const struct sst_graph *graph, 
                          const struct kind *kind)
 {
     omp_set_num_threads(kind->threads);
-    check(dnnl_engine_create(&b->engine, dnnl_cpu, 0), "engine");
-    check(dnnl_stream_create(&b->stream, b->engine, dnnl_stream_default_flags), "stream");
+    if (net_dnnl_open(&b->dnnl)) {
+        fputs("network: oneDNN cannot be opened\n", stderr);
+        exit(1);
+    }
     b->convs = calloc((size_t)graph->n_ops, sizeof(*b->convs));
     if (!b->convs)
         exit(1);
     for (int i = 0; i < graph->n_ops; i++) {
         if (graph->ops[i].kind == SST_OP_CONV)
-            make_bare(&b->convs[b->n_convs++], b->engine, &graph->ops[i], shapes,
-                      kind->precision == SST_PRECISION_INT8);
+            make_bare(&b->convs[b->n_convs++], &b->dnnl, &graph->ops[i], shapes, kind->precision == SST_PRECISION_INT8);
     }
 }
 
@@ -157,9 +176,9 @@ static void run_bare(const struct bare_network *b, int threads)
                                          { DNNL_ARG_BIAS, c->bias },
                                          { DNNL_ARG_DST, c->dst } };
 
-        check(dnnl_primitive_execute(c->primitive, b->stream, (int)ARRAY_LEN(args), args), "convolution");
+        check(dnnl_primitive_execute(c->primitive, b->dnnl.stream, (int)ARRAY_LEN(args), args), "convolution");
     }
-    check(dnnl_stream_wait(b->stream), "convolution");
+    check(dnnl_stream_wait(b->dnnl.stream), "convolution");
 }
 
 /* A picture of noise, from 0 to 255. */

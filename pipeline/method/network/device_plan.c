@@ -578,7 +578,7 @@ static int resolve(struct building *b)
             s->conv.from = b->p->tensors[s->from].at;
             s->conv.to = to;
             s->conv.by_parts = by_parts;
-            s->conv.bias_first = net_plan_bias_first();
+            s->conv.bias_first = s->shader == SST_GPU_NET_CONV ? net_plan_bias_first() : net_dnnl_scales_bias();
             if (s->residual != NONE) {
                 s->conv.residual_at = b->p->tensors[s->residual].at.at;
                 s->conv.residual_pitch = b->p->tensors[s->residual].at.pitch;

@@ -11,7 +11,7 @@
 #include "pipeline/method/network/plan_dnnl.h"
 
 /* Layouts that ops.h works on: [c][h][w], channels in blocks of 16 or 8, [h][w][c]. */
-static void find_layout(struct net_plan_tensor *t)
+static void find_layout(struct net_plan *p, struct net_plan_tensor *t)
 {
     static const struct {
         dnnl_format_tag_t tag;
@@ -19,10 +19,9 @@ static void find_layout(struct net_plan_tensor *t)
     } known[] = { { dnnl_nchw, 1 }, { dnnl_nChw16c, 16 }, { dnnl_nChw8c, 8 }, { dnnl_nhwc, 0 } };
 
     for (size_t i = 0; i < ARRAY_LEN(known); i++) {
-        dnnl_memory_desc_t same;
+        const_dnnl_memory_desc_t same;
 
-        if (dnnl_memory_desc_init_by_tag(&same, 4, t->md.dims, dnnl_f32, known[i].tag) ||
-            !dnnl_memory_desc_equal(&same, &t->md))
+        if (net_plan_desc(p, &same, p->shapes[t->value], dnnl_f32, known[i].tag) || same != t->md)
             continue;
         t->tag = known[i].tag;
         t->view.block = known[i].block ? known[i].block : t->view.c;
@@ -30,7 +29,7 @@ static void find_layout(struct net_plan_tensor *t)
     }
 }
 
-int net_plan_add_tensor(struct net_plan *p, int value, const dnnl_memory_desc_t *md, float scale)
+int net_plan_add_tensor(struct net_plan *p, int value, const_dnnl_memory_desc_t md, float scale)
 {
     const struct sst_shape shape = p->shapes[value];
     struct net_plan_tensor *t;
@@ -42,12 +41,12 @@ int net_plan_add_tensor(struct net_plan *p, int value, const dnnl_memory_desc_t 
         .value = value,
         .place_of = -1,
         .scale = scale,
-        .md = *md,
+        .md = md,
         .bytes = sst_mem_stride(dnnl_memory_desc_get_size(md), 1),
         .first = -1,
         .view = { .c = shape.c, .h = shape.h, .w = shape.w },
     };
-    find_layout(t);
+    find_layout(p, t);
     return p->n_tensors++;
 }
 
@@ -134,8 +133,8 @@ static int allocate(struct net_plan *p)
 
         if (!t->external)
             t->view.data = (float *)(void *)((char *)p->arena + t->offset);
-        err = net_plan_errno(
-            dnnl_memory_create(&t->memory, &t->md, p->engine, t->external ? DNNL_MEMORY_NONE : t->view.data));
+        err = net_dnnl_errno(
+            dnnl_memory_create(&t->memory, t->md, p->dnnl.engine, t->external ? DNNL_MEMORY_NONE : t->view.data));
     }
     for (int i = 0; !err && i < p->n_steps; i++) {
         struct net_plan_step *s = &p->steps[i];
@@ -145,7 +144,7 @@ static int allocate(struct net_plan *p)
                 s->args[k].memory = p->tensors[s->tensor[k]].memory;
         }
         if (s->scratch)
-            err = net_plan_errno(dnnl_memory_set_data_handle(s->scratch, p->scratch));
+            err = net_dnnl_errno(dnnl_memory_set_data_handle(s->scratch, p->scratch));
     }
     return err;
 }
@@ -183,15 +182,15 @@ static void choose_winograd(struct net_plan *p)
 /* The tensor that is written to the caller's memory: not the one of a residual, which lies in the arena. */
 static int add_output(struct net_plan *p)
 {
-    dnnl_memory_desc_t md;
-    int to, from, err = net_plan_desc(&md, p->shapes[p->graph->output], dnnl_f32, dnnl_nchw);
+    const_dnnl_memory_desc_t md;
+    int to, from, err = net_plan_desc(p, &md, p->shapes[p->graph->output], dnnl_f32, dnnl_nchw);
 
     if (err)
         return err;
-    from = net_plan_in_layout(p, p->graph->output, &md, 1);
+    from = net_plan_in_layout(p, p->graph->output, md, 1);
     if (from < 0 || p->tensors[from].place_of < 0)
         return from;
-    to = net_plan_add_tensor(p, p->graph->output, &md, 1);
+    to = net_plan_add_tensor(p, p->graph->output, md, 1);
     err = to < 0 ? to : net_plan_reorder(p, from, to);
     return err ? err : to;
 }
@@ -199,8 +198,8 @@ static int add_output(struct net_plan *p)
 static int add_ops(struct net_plan *p)
 {
     const struct sst_graph *g = p->graph;
-    dnnl_memory_desc_t md;
-    int err = net_plan_desc(&md, p->shapes[g->input], dnnl_f32, dnnl_nchw);
+    const_dnnl_memory_desc_t md;
+    int err = net_plan_desc(p, &md, p->shapes[g->input], dnnl_f32, dnnl_nchw);
 
     if (err)
         return err;
@@ -209,7 +208,7 @@ static int add_ops(struct net_plan *p)
             p->last_use[g->ops[i].in[k]] = i;
     }
     p->last_use[g->output] = g->n_ops;
-    p->input = net_plan_add_tensor(p, g->input, &md, 1);
+    p->input = net_plan_add_tensor(p, g->input, md, 1);
     if (p->input < 0)
         return p->input;
     p->tensors[p->input].external = true;
@@ -232,9 +231,7 @@ static int build(struct net_plan *p, struct sst_shape *shapes, const struct net_
     const size_t n = (size_t)p->graph->n_values;
     int err = sst_graph_shapes(p->graph, cfg->width, cfg->height, shapes, cfg->name);
 
-    err = err ? err : net_plan_errno(dnnl_engine_create(&p->engine, dnnl_cpu, 0));
-
-    err = err ? err : net_plan_errno(dnnl_stream_create(&p->stream, p->engine, dnnl_stream_default_flags));
+    err = err ? err : net_dnnl_open(&p->dnnl);
     p->current = malloc(n * sizeof(*p->current));
     p->last_use = calloc(n, sizeof(*p->last_use));
     p->winograd = calloc((size_t)p->graph->n_ops, sizeof(*p->winograd));
@@ -296,15 +293,16 @@ void net_plan_destroy(struct net_plan *plan)
         dnnl_primitive_destroy(s->primitive);
         dnnl_memory_destroy(s->weights);
         dnnl_memory_destroy(s->bias);
+        dnnl_memory_destroy(s->scales);
         dnnl_memory_destroy(s->scratch);
         sst_mem_free(s->weights_data);
         free(s->bias_data);
+        free(s->scales_data);
         free(s->taps);
     }
     for (int i = 0; i < plan->n_tensors; i++)
         dnnl_memory_destroy(plan->tensors[i].memory);
-    dnnl_stream_destroy(plan->stream);
-    dnnl_engine_destroy(plan->engine);
+    net_dnnl_close(&plan->dnnl);
     sst_mem_free(plan->arena);
     sst_mem_free(plan->scratch);
     free(plan->tensors);
@@ -335,7 +333,7 @@ static int run_own(const struct net_plan *p, const struct net_plan_step *s)
 static int set_external(struct net_plan_tensor *t, float *data)
 {
     t->view.data = data;
-    return net_plan_errno(dnnl_memory_set_data_handle(t->memory, data));
+    return net_dnnl_errno(dnnl_memory_set_data_handle(t->memory, data));
 }
 
 static int run_steps(struct net_plan *p, int count)
@@ -347,12 +345,12 @@ static int run_steps(struct net_plan *p, int count)
 
         if (s->serial)
             omp_set_num_threads(1);
-        err = s->primitive ? net_plan_errno(dnnl_primitive_execute(s->primitive, p->stream, s->n_args, s->args))
+        err = s->primitive ? net_dnnl_errno(dnnl_primitive_execute(s->primitive, p->dnnl.stream, s->n_args, s->args))
                            : run_own(p, s);
         if (s->serial)
             omp_set_num_threads(p->threads);
     }
-    err = err ? err : net_plan_errno(dnnl_stream_wait(p->stream));
+    err = err ? err : net_dnnl_errno(dnnl_stream_wait(p->dnnl.stream));
     return err;
 }
 

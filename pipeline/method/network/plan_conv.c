@@ -3,7 +3,8 @@
  * On 8 bits a tensor holds round(x / scale): u8 where no value is negative, s8 else; weights are s8 with a scale for
  * each output channel o, so that
  *   y / s_y = (sum q_x q_w + b / (s_x s_w[o])) * (s_x s_w[o] / s_y)  [+ (s_r / s_y) q_r, the residual]  [relu]
- * with the sum in exact 32-bit integers: the same for any number of threads and any order. */
+ * with the sum in exact 32-bit integers: the same for any number of threads and any order. Version 3 of oneDNN adds
+ * b / s_y after the factor instead. */
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
@@ -36,17 +37,16 @@ static int conv_attr(dnnl_primitive_attr_t *attr, const struct sst_op *op, const
 
     if (err)
         return err;
-    err = net_plan_errno(dnnl_post_ops_create(&post));
+    err = net_dnnl_errno(dnnl_post_ops_create(&post));
     if (err)
         goto fail_attr;
     if (q->scales)
-        err = net_plan_errno(dnnl_primitive_attr_set_output_scales(*attr, op->channels, 1 << 1, q->scales));
+        err = net_dnnl_scale_conv(*attr, q->scales, op->channels, op->group > 1);
     if (!err && op->residual)
-        err = net_plan_errno(q->scales ? dnnl_post_ops_append_sum_v2(post, q->sum_scale, q->sum)
-                                       : dnnl_post_ops_append_sum(post, 1.0f));
+        err = net_dnnl_append_sum(post, q->scales ? q->sum_scale : 1.0f, q->scales ? q->sum : dnnl_data_type_undef);
     if (!err && op->relu)
-        err = net_plan_errno(dnnl_post_ops_append_eltwise(post, 1.0f, dnnl_eltwise_relu, 0.0f, 0.0f));
-    err = err ? err : net_plan_errno(dnnl_primitive_attr_set_post_ops(*attr, post));
+        err = net_dnnl_append_relu(post);
+    err = err ? err : net_dnnl_errno(dnnl_primitive_attr_set_post_ops(*attr, post));
     dnnl_post_ops_destroy(post);
     if (!err)
         return 0;
@@ -56,16 +56,26 @@ fail_attr:
     return err;
 }
 
-static int weights_desc(dnnl_memory_desc_t *md, const struct sst_op *op, dnnl_data_type_t type, bool plain)
+static int weights_desc(struct net_plan *p, const_dnnl_memory_desc_t *md, const struct sst_op *op,
+                        dnnl_data_type_t type, bool plain)
 {
     const int g = op->group;
-    const dnnl_dims_t grouped = { g, op->channels / g, op->group_in, op->kernel[0], op->kernel[1] };
-    const dnnl_dims_t dims = { op->channels, op->group_in, op->kernel[0], op->kernel[1] };
+    const struct net_dnnl_shape grouped = { 5,
+                                            { g, op->channels / g, op->group_in, op->kernel[0], op->kernel[1] },
+                                            type,
+                                            plain ? dnnl_goihw : dnnl_format_tag_any };
+    const struct net_dnnl_shape single = {
+        4, { op->channels, op->group_in, op->kernel[0], op->kernel[1] }, type, plain ? dnnl_oihw : dnnl_format_tag_any
+    };
 
-    if (g > 1)
-        return net_plan_errno(
-            dnnl_memory_desc_init_by_tag(md, 5, grouped, type, plain ? dnnl_goihw : dnnl_format_tag_any));
-    return net_plan_errno(dnnl_memory_desc_init_by_tag(md, 4, dims, type, plain ? dnnl_oihw : dnnl_format_tag_any));
+    return net_dnnl_layout(&p->dnnl, md, g > 1 ? &grouped : &single);
+}
+
+static int bias_desc(struct net_plan *p, const_dnnl_memory_desc_t *md, const struct sst_op *op)
+{
+    const struct net_dnnl_shape shape = { 1, { op->channels }, dnnl_f32, dnnl_x };
+
+    return net_dnnl_layout(&p->dnnl, md, &shape);
 }
 
 /* A convolution's algorithm, and the layout of its result. */
@@ -80,26 +90,23 @@ static const struct form automatic = { dnnl_convolution_auto, dnnl_format_tag_an
 static int conv_desc(struct net_plan *p, const struct sst_op *op, struct form form, const struct quantised *q,
                      dnnl_primitive_desc_t *pd)
 {
-    const struct sst_shape out = p->shapes[op->out];
-    const dnnl_dims_t strides = { op->stride[0], op->stride[1] }, bias_dims = { op->channels };
-    const dnnl_dims_t dilation = { op->dilation[0] - 1, op->dilation[1] - 1 }, dst_dims = { 1, out.c, out.h, out.w };
-    const dnnl_dims_t before = { op->pad_before[0], op->pad_before[1] }, after = { op->pad_after[0], op->pad_after[1] };
-    dnnl_memory_desc_t src, weights, bias, dst;
-    dnnl_convolution_desc_t desc;
+    struct net_dnnl_layer layer = {
+        .algorithm = form.algorithm,
+        .stride = { op->stride[0], op->stride[1] },
+        .dilation = { op->dilation[0] - 1, op->dilation[1] - 1 },
+        .before = { op->pad_before[0], op->pad_before[1] },
+        .after = { op->pad_after[0], op->pad_after[1] },
+    };
     dnnl_primitive_attr_t attr;
-    int err = net_plan_desc(&src, p->shapes[op->in[0]], or_f32(q->src), dnnl_format_tag_any);
+    int err = net_plan_desc(p, &layer.src, p->shapes[op->in[0]], or_f32(q->src), dnnl_format_tag_any);
 
-    err = err ? err : net_plan_errno(dnnl_memory_desc_init_by_tag(&dst, 4, dst_dims, or_f32(q->dst), form.dst));
-    err = err ? err : weights_desc(&weights, op, q->scales ? dnnl_s8 : dnnl_f32, false);
-    err = err ? err : net_plan_errno(dnnl_memory_desc_init_by_tag(&bias, 1, bias_dims, dnnl_f32, dnnl_x));
-    if (!err)
-        err = net_plan_errno(dnnl_dilated_convolution_forward_desc_init(&desc, dnnl_forward_inference, form.algorithm,
-                                                                        &src, &weights, &bias, &dst, strides, dilation,
-                                                                        before, after));
+    err = err ? err : net_plan_desc(p, &layer.dst, p->shapes[op->out], or_f32(q->dst), form.dst);
+    err = err ? err : weights_desc(p, &layer.weights, op, q->scales ? dnnl_s8 : dnnl_f32, false);
+    err = err ? err : bias_desc(p, &layer.bias, op);
     err = err ? err : conv_attr(&attr, op, q);
     if (err)
         return err;
-    err = net_plan_errno(dnnl_primitive_desc_create(pd, &desc, attr, p->engine, NULL));
+    err = net_dnnl_conv(&p->dnnl, pd, &layer, attr);
     dnnl_primitive_attr_destroy(attr);
     return err;
 }
@@ -160,21 +167,13 @@ static int best_conv_desc(struct net_plan *p, const struct sst_op *op, const str
     return conv_desc(p, op, automatic, q, pd);
 }
 
-/* True for a convolution as matrix products (with AVX2: large dilation), whose sums oneDNN splits by threads. */
-static bool splits_sums(const_dnnl_primitive_desc_t pd)
-{
-    const char *name = NULL;
-
-    return !dnnl_primitive_desc_query(pd, dnnl_query_impl_info_str, 0, (void *)&name) && strstr(name, "gemm");
-}
-
 /* best_conv_desc() for one thread if the result depends on their number. @param serial  out: it runs on one thread */
 static int same_conv_desc(struct net_plan *p, const struct sst_op *op, const struct quantised *q,
                           dnnl_primitive_desc_t *pd, bool *serial)
 {
     int err = best_conv_desc(p, op, q, pd);
 
-    *serial = !err && !q->scales && splits_sums(*pd);
+    *serial = !err && !q->scales && net_dnnl_splits_sums(*pd);
     if (!*serial || p->threads == 1)
         return err;
     dnnl_primitive_desc_destroy(*pd);
@@ -208,8 +207,10 @@ void net_plan_quantise(const struct sst_op *op, bool s8, float factor, int8_t *w
 
 void net_plan_scale_bias(const struct sst_op *op, const float *scales, float dst_scale, float *bias)
 {
+    const bool scaled = net_dnnl_scales_bias();
+
     for (int c = 0; c < op->channels; c++)
-        bias[c] = op->bias[c] / (scales[c] * dst_scale);
+        bias[c] = op->bias[c] / (scaled ? scales[c] * dst_scale : dst_scale);
 }
 
 /* Weights in bytes, and the scale of the products. */
@@ -233,7 +234,7 @@ static int quantise(struct net_plan *p, const struct sst_op *op, struct quantise
 
     if (src < 0)
         return src;
-    q->src = p->tensors[src].md.data_type;
+    q->src = net_dnnl_type(p->tensors[src].md);
     q->src_scale = p->tensors[src].scale;
     q->dst = out->bits8 ? out->type : dnnl_f32;
     q->dst_scale = out->bits8 ? out->scale : 1;
@@ -245,7 +246,7 @@ static int quantise(struct net_plan *p, const struct sst_op *op, struct quantise
     *residual = out->bits8 ? net_plan_in_8_bits(p, op->in[1]) : net_plan_in_f32(p, op->in[1]);
     if (*residual < 0)
         return *residual;
-    q->sum = p->tensors[*residual].md.data_type;
+    q->sum = net_dnnl_type(p->tensors[*residual].md);
     q->sum_scale = p->tensors[*residual].scale / q->dst_scale;
     return 0;
 }
@@ -254,43 +255,44 @@ static int quantise(struct net_plan *p, const struct sst_op *op, struct quantise
 
 /* Reorder the weights into the primitive's layout, once for all runs. */
 static int load_weights(struct net_plan *p, struct net_plan_step *s, const struct sst_op *op, const struct quantised *q,
-                        const dnnl_memory_desc_t *md)
+                        const_dnnl_memory_desc_t md)
 {
-    dnnl_memory_desc_t plain;
+    const_dnnl_memory_desc_t plain;
     dnnl_memory_t from = NULL;
     dnnl_primitive_desc_t pd;
     dnnl_primitive_t reorder = NULL;
-    int err = weights_desc(&plain, op, q->scales ? dnnl_s8 : dnnl_f32, true);
+    int err = weights_desc(p, &plain, op, q->scales ? dnnl_s8 : dnnl_f32, true);
 
     s->weights_data = sst_mem_alloc(1, dnnl_memory_desc_get_size(md));
     if (!s->weights_data)
         return -ENOMEM;
-    err = err ? err : net_plan_errno(dnnl_memory_create(&s->weights, md, p->engine, s->weights_data));
+    err = err ? err : net_dnnl_errno(dnnl_memory_create(&s->weights, md, p->dnnl.engine, s->weights_data));
     if (!err)
-        err = net_plan_errno(
-            dnnl_memory_create(&from, &plain, p->engine, q->scales ? (void *)q->weights : (void *)op->weights));
-    err = err ? err : net_plan_errno(dnnl_reorder_primitive_desc_create(&pd, &plain, p->engine, md, p->engine, NULL));
+        err = net_dnnl_errno(
+            dnnl_memory_create(&from, plain, p->dnnl.engine, q->scales ? (void *)q->weights : (void *)op->weights));
+    err =
+        err ? err
+            : net_dnnl_errno(dnnl_reorder_primitive_desc_create(&pd, plain, p->dnnl.engine, md, p->dnnl.engine, NULL));
     if (!err) {
-        err = net_plan_errno(dnnl_primitive_create(&reorder, pd));
+        err = net_dnnl_errno(dnnl_primitive_create(&reorder, pd));
         dnnl_primitive_desc_destroy(pd);
     }
     if (!err) {
         const dnnl_exec_arg_t args[] = { { DNNL_ARG_FROM, from }, { DNNL_ARG_TO, s->weights } };
 
-        err = net_plan_errno(dnnl_primitive_execute(reorder, p->stream, 2, args));
+        err = net_dnnl_errno(dnnl_primitive_execute(reorder, p->dnnl.stream, 2, args));
     }
-    err = err ? err : net_plan_errno(dnnl_stream_wait(p->stream));
+    err = err ? err : net_dnnl_errno(dnnl_stream_wait(p->dnnl.stream));
     dnnl_primitive_destroy(reorder);
     dnnl_memory_destroy(from);
     return err;
 }
 
-/* Biases in units of the 8-bit products, or unchanged. */
+/* Biases in units of the 8-bit products, or of the result; unchanged for floats. */
 static int load_bias(struct net_plan *p, struct net_plan_step *s, const struct sst_op *op, const struct quantised *q)
 {
-    const dnnl_dims_t dims = { op->channels };
-    dnnl_memory_desc_t md;
-    int err = net_plan_errno(dnnl_memory_desc_init_by_tag(&md, 1, dims, dnnl_f32, dnnl_x));
+    const_dnnl_memory_desc_t md;
+    int err = bias_desc(p, &md, op);
 
     if (!err && q->scales) {
         s->bias_data = malloc((size_t)op->channels * sizeof(*s->bias_data));
@@ -299,23 +301,25 @@ static int load_bias(struct net_plan *p, struct net_plan_step *s, const struct s
         net_plan_scale_bias(op, q->scales, q->dst_scale, s->bias_data);
     }
     return err ? err
-               : net_plan_errno(dnnl_memory_create(&s->bias, &md, p->engine, q->scales ? s->bias_data : op->bias));
+               : net_dnnl_errno(dnnl_memory_create(&s->bias, md, p->dnnl.engine, q->scales ? s->bias_data : op->bias));
 }
 
 /* The tensor that a convolution writes: a new one, or that of the residual, to which it adds. */
 static int conv_result(struct net_plan *p, const struct sst_op *op, const struct quantised *q, int residual,
-                       const dnnl_memory_desc_t *md)
+                       const_dnnl_memory_desc_t md)
 {
     const float scale = q->scales ? q->dst_scale : 1;
-    dnnl_memory_desc_t as_read = *md;
+    const_dnnl_memory_desc_t as_read;
     int from = residual, to, err;
 
     if (!op->residual)
         return net_plan_result(p, op->out, md, scale);
-    as_read.data_type = p->tensors[from].md.data_type;
+    err = net_dnnl_retyped(&p->dnnl, &as_read, md, net_dnnl_type(p->tensors[from].md));
+    if (err)
+        return err;
     if (p->last_use[op->in[1]] != (int)(op - p->graph->ops) || p->tensors[from].external || op->in[1] == op->in[0] ||
-        !dnnl_memory_desc_equal(&p->tensors[from].md, &as_read)) {
-        to = net_plan_add_tensor(p, op->in[1], &as_read, p->tensors[from].scale);
+        p->tensors[from].md != as_read) {
+        to = net_plan_add_tensor(p, op->in[1], as_read, p->tensors[from].scale);
         if (to < 0)
             return to;
         err = net_plan_reorder(p, from, to);
@@ -333,16 +337,25 @@ static int conv_result(struct net_plan *p, const struct sst_op *op, const struct
 static int add_step(struct net_plan *p, const struct sst_op *op, const struct quantised *q, int residual,
                     dnnl_primitive_desc_t pd)
 {
-    const int src = net_plan_in_layout(p, op->in[0], dnnl_primitive_desc_query_md(pd, dnnl_query_src_md, 0),
-                                       q->scales ? q->src_scale : 1);
-    const int dst =
-        src < 0 ? src : conv_result(p, op, q, residual, dnnl_primitive_desc_query_md(pd, dnnl_query_dst_md, 0));
-    struct net_plan_step *s = dst < 0 ? NULL : net_plan_add_step(p, op);
-    int err = dst < 0 ? dst : -ENOMEM;
+    struct net_plan_step *s = NULL;
+    const_dnnl_memory_desc_t md;
+    int src = 0, dst = 0, err = net_dnnl_chosen(&p->dnnl, &md, pd, dnnl_query_src_md);
 
-    if (s)
+    if (!err)
+        err = src = net_plan_in_layout(p, op->in[0], md, q->scales ? q->src_scale : 1);
+    if (err >= 0)
+        err = net_dnnl_chosen(&p->dnnl, &md, pd, dnnl_query_dst_md);
+    if (!err)
+        err = dst = conv_result(p, op, q, residual, md);
+    if (err >= 0) {
+        s = net_plan_add_step(p, op);
+        err = s ? 0 : -ENOMEM;
+    }
+    if (!err)
         err = load_weights(p, s, op, q, dnnl_primitive_desc_query_md(pd, dnnl_query_weights_md, 0));
     err = err ? err : load_bias(p, s, op, q);
+    if (!err && q->scales)
+        err = net_plan_scales(p, s, DNNL_ARG_WEIGHTS, q->scales, op->channels);
     if (err) {
         dnnl_primitive_desc_destroy(pd);
         return err;

@@ -6,24 +6,14 @@
 
 #include <errno.h>
 #include <stdlib.h>
+#include <string.h>
 
-int net_plan_errno(dnnl_status_t status)
+int net_plan_desc(struct net_plan *p, const_dnnl_memory_desc_t *md, struct sst_shape shape, dnnl_data_type_t type,
+                  dnnl_format_tag_t tag)
 {
-    switch (status) {
-    case dnnl_success:
-        return 0;
-    case dnnl_out_of_memory:
-        return -ENOMEM;
-    default:
-        return -ENOTSUP;
-    }
-}
+    const struct net_dnnl_shape s = { 4, { 1, shape.c, shape.h, shape.w }, type, tag };
 
-int net_plan_desc(dnnl_memory_desc_t *md, struct sst_shape shape, dnnl_data_type_t type, dnnl_format_tag_t tag)
-{
-    const dnnl_dims_t dims = { 1, shape.c, shape.h, shape.w };
-
-    return net_plan_errno(dnnl_memory_desc_init_by_tag(md, 4, dims, type, tag));
+    return net_dnnl_layout(&p->dnnl, md, &s);
 }
 
 void net_plan_add_arg(struct net_plan_step *s, int arg, int tensor, dnnl_memory_t memory)
@@ -34,12 +24,12 @@ void net_plan_add_arg(struct net_plan_step *s, int arg, int tensor, dnnl_memory_
 
 int net_plan_primitive(struct net_plan *p, struct net_plan_step *s, dnnl_primitive_desc_t pd)
 {
-    const dnnl_memory_desc_t *scratch = dnnl_primitive_desc_query_md(pd, dnnl_query_scratchpad_md, 0);
+    const_dnnl_memory_desc_t scratch = dnnl_primitive_desc_query_md(pd, dnnl_query_scratchpad_md, 0);
     const size_t bytes = scratch ? dnnl_memory_desc_get_size(scratch) : 0;
-    int err = net_plan_errno(dnnl_primitive_create(&s->primitive, pd));
+    int err = net_dnnl_errno(dnnl_primitive_create(&s->primitive, pd));
 
     if (!err && bytes) {
-        err = net_plan_errno(dnnl_memory_create(&s->scratch, scratch, p->engine, DNNL_MEMORY_NONE));
+        err = net_dnnl_errno(dnnl_memory_create(&s->scratch, scratch, p->dnnl.engine, DNNL_MEMORY_NONE));
         if (!err)
             net_plan_add_arg(s, DNNL_ARG_SCRATCHPAD, -1, s->scratch);
         if (bytes > p->scratch_bytes)
@@ -51,29 +41,37 @@ int net_plan_primitive(struct net_plan *p, struct net_plan_step *s, dnnl_primiti
 
 int net_plan_attr(dnnl_primitive_attr_t *attr)
 {
-    int err = net_plan_errno(dnnl_primitive_attr_create(attr));
+    int err = net_dnnl_errno(dnnl_primitive_attr_create(attr));
 
     if (err)
         return err;
-    err = net_plan_errno(dnnl_primitive_attr_set_scratchpad_mode(*attr, dnnl_scratchpad_mode_user));
+    err = net_dnnl_errno(dnnl_primitive_attr_set_scratchpad_mode(*attr, dnnl_scratchpad_mode_user));
     if (err)
         dnnl_primitive_attr_destroy(*attr);
     return err;
 }
 
-static int make_desc(struct net_plan *p, dnnl_primitive_desc_t *pd, const_dnnl_op_desc_t desc)
+int net_plan_scales(struct net_plan *p, struct net_plan_step *s, int arg, const float *factors, int n)
 {
-    dnnl_primitive_attr_t attr;
-    int err = net_plan_attr(&attr);
+    const struct net_dnnl_shape shape = { 1, { n }, dnnl_f32, dnnl_x };
+    const int number = net_dnnl_scales_arg(arg);
+    const_dnnl_memory_desc_t md;
+    int err;
 
-    if (err)
-        return err;
-    err = net_plan_errno(dnnl_primitive_desc_create(pd, desc, attr, p->engine, NULL));
-    dnnl_primitive_attr_destroy(attr);
+    if (!number)
+        return 0;
+    s->scales_data = malloc((size_t)n * sizeof(*factors));
+    if (!s->scales_data)
+        return -ENOMEM;
+    memcpy(s->scales_data, factors, (size_t)n * sizeof(*factors));
+    err = net_dnnl_layout(&p->dnnl, &md, &shape);
+    err = err ? err : net_dnnl_errno(dnnl_memory_create(&s->scales, md, p->dnnl.engine, s->scales_data));
+    if (!err)
+        net_plan_add_arg(s, number, -1, s->scales);
     return err;
 }
 
-int net_plan_result(struct net_plan *p, int value, const dnnl_memory_desc_t *md, float scale)
+int net_plan_result(struct net_plan *p, int value, const_dnnl_memory_desc_t md, float scale)
 {
     const int t = net_plan_add_tensor(p, value, md, scale);
 
@@ -97,16 +95,18 @@ int net_plan_reorder(struct net_plan *p, int from, int to)
         return err;
     net_plan_add_arg(s, DNNL_ARG_FROM, from, NULL);
     net_plan_add_arg(s, DNNL_ARG_TO, to, NULL);
-    if (scale != 1)
-        err = net_plan_errno(dnnl_primitive_attr_set_output_scales(attr, 1, 0, &scale));
+    if (scale != 1) {
+        err = net_dnnl_scale_reorder(attr, scale);
+        err = err ? err : net_plan_scales(p, s, DNNL_ARG_FROM, &scale, 1);
+    }
     if (!err)
-        err = net_plan_errno(dnnl_reorder_primitive_desc_create(&pd, &p->tensors[from].md, p->engine,
-                                                                &p->tensors[to].md, p->engine, attr));
+        err = net_dnnl_errno(dnnl_reorder_primitive_desc_create(&pd, p->tensors[from].md, p->dnnl.engine,
+                                                                p->tensors[to].md, p->dnnl.engine, attr));
     dnnl_primitive_attr_destroy(attr);
     return err ? err : net_plan_primitive(p, s, pd);
 }
 
-int net_plan_in_layout(struct net_plan *p, int value, const dnnl_memory_desc_t *md, float scale)
+int net_plan_in_layout(struct net_plan *p, int value, const_dnnl_memory_desc_t md, float scale)
 {
     const int from = p->current[value];
     int to, err;
@@ -114,7 +114,7 @@ int net_plan_in_layout(struct net_plan *p, int value, const dnnl_memory_desc_t *
     for (int i = p->n_tensors - 1; i >= 0; i--) {
         const struct net_plan_tensor *t = &p->tensors[i];
 
-        if (t->value == value && t->scale == scale && dnnl_memory_desc_equal(&t->md, md))
+        if (t->value == value && t->scale == scale && t->md == md)
             return i;
     }
     to = net_plan_add_tensor(p, value, md, scale);
@@ -124,7 +124,7 @@ int net_plan_in_layout(struct net_plan *p, int value, const dnnl_memory_desc_t *
     if (err)
         return err;
     /* Later readers probably need the same layout; but values rounded to 8 bits do not suit all readers. */
-    if (md->data_type == dnnl_f32 || p->tensors[from].md.data_type != dnnl_f32)
+    if (net_dnnl_type(md) == dnnl_f32 || net_dnnl_type(p->tensors[from].md) != dnnl_f32)
         p->current[value] = to;
     return to;
 }
@@ -132,16 +132,16 @@ int net_plan_in_layout(struct net_plan *p, int value, const dnnl_memory_desc_t *
 /* The same for channels last. */
 static int in_nhwc(struct net_plan *p, int value, dnnl_data_type_t type, float scale)
 {
-    dnnl_memory_desc_t md;
-    const int err = net_plan_desc(&md, p->shapes[value], type, dnnl_nhwc);
+    const_dnnl_memory_desc_t md;
+    const int err = net_plan_desc(p, &md, p->shapes[value], type, dnnl_nhwc);
 
-    return err ? err : net_plan_in_layout(p, value, &md, scale);
+    return err ? err : net_plan_in_layout(p, value, md, scale);
 }
 
 int net_plan_in_8_bits(struct net_plan *p, int value)
 {
     for (int i = 0; i < p->n_tensors; i++) {
-        if (p->tensors[i].value == value && p->tensors[i].md.data_type != dnnl_f32)
+        if (p->tensors[i].value == value && net_dnnl_type(p->tensors[i].md) != dnnl_f32)
             return i;
     }
     return in_nhwc(p, value, p->values[value].type, p->values[value].scale);
@@ -149,7 +149,9 @@ int net_plan_in_8_bits(struct net_plan *p, int value)
 
 int net_plan_in_f32(struct net_plan *p, int value)
 {
-    return p->tensors[p->current[value]].md.data_type == dnnl_f32 ? p->current[value] : in_nhwc(p, value, dnnl_f32, 1);
+    const int t = p->current[value];
+
+    return net_dnnl_type(p->tensors[t].md) == dnnl_f32 ? t : in_nhwc(p, value, dnnl_f32, 1);
 }
 
 /* --- the other primitives ------------------------------------------------------------------------- */
@@ -157,8 +159,9 @@ int net_plan_in_f32(struct net_plan *p, int value)
 /* Add the step and result of a primitive whose inputs are set; consumes the description. */
 static int finish(struct net_plan *p, const struct sst_op *op, dnnl_primitive_desc_t pd, const int *src, int first_arg)
 {
-    const int dst =
-        net_plan_result(p, op->out, dnnl_primitive_desc_query_md(pd, dnnl_query_dst_md, 0), p->tensors[src[0]].scale);
+    const_dnnl_memory_desc_t md;
+    const int err = net_dnnl_chosen(&p->dnnl, &md, pd, dnnl_query_dst_md);
+    const int dst = err ? err : net_plan_result(p, op->out, md, p->tensors[src[0]].scale);
     struct net_plan_step *s = dst < 0 ? NULL : net_plan_add_step(p, op);
 
     if (!s) {
@@ -174,30 +177,34 @@ static int finish(struct net_plan *p, const struct sst_op *op, dnnl_primitive_de
 static int add_relu(struct net_plan *p, const struct sst_op *op)
 {
     const int src = net_plan_in_f32(p, op->in[0]);
-    dnnl_eltwise_desc_t desc;
+    dnnl_primitive_attr_t attr;
     dnnl_primitive_desc_t pd;
-    int err = src < 0 ? src
-                      : net_plan_errno(dnnl_eltwise_forward_desc_init(&desc, dnnl_forward_inference, dnnl_eltwise_relu,
-                                                                      &p->tensors[src].md, 0, 0));
+    int err = src < 0 ? src : net_plan_attr(&attr);
 
-    err = err ? err : make_desc(p, &pd, &desc);
+    if (err)
+        return err;
+    err = net_dnnl_relu(&p->dnnl, &pd, p->tensors[src].md, attr);
+    dnnl_primitive_attr_destroy(attr);
     return err ? err : finish(p, op, pd, &src, DNNL_ARG_SRC);
 }
 
 static int add_sum(struct net_plan *p, const struct sst_op *op)
 {
     int src[2] = { net_plan_in_f32(p, op->in[0]), -1 };
-    dnnl_memory_desc_t md;
-    dnnl_binary_desc_t desc;
+    const_dnnl_memory_desc_t md;
+    dnnl_primitive_attr_t attr;
     dnnl_primitive_desc_t pd;
     int err;
 
     if (src[0] < 0)
         return src[0];
     md = p->tensors[src[0]].md;
-    src[1] = net_plan_in_layout(p, op->in[1], &md, 1);
-    err = src[1] < 0 ? src[1] : net_plan_errno(dnnl_binary_desc_init(&desc, dnnl_binary_add, &md, &md, &md));
-    err = err ? err : make_desc(p, &pd, &desc);
+    src[1] = net_plan_in_layout(p, op->in[1], md, 1);
+    err = src[1] < 0 ? src[1] : net_plan_attr(&attr);
+    if (err)
+        return err;
+    err = net_dnnl_add(&p->dnnl, &pd, md, attr);
+    dnnl_primitive_attr_destroy(attr);
     return err ? err : finish(p, op, pd, src, DNNL_ARG_SRC_0);
 }
 
@@ -211,7 +218,7 @@ static int concat_input(struct net_plan *p, const struct sst_op *op, int value)
 
 static int add_concat(struct net_plan *p, const struct sst_op *op)
 {
-    dnnl_memory_desc_t mds[SST_ONNX_MAX_INS];
+    const_dnnl_memory_desc_t mds[SST_ONNX_MAX_INS];
     int src[SST_ONNX_MAX_INS], err;
     dnnl_primitive_attr_t attr;
     dnnl_primitive_desc_t pd;
@@ -225,7 +232,7 @@ static int add_concat(struct net_plan *p, const struct sst_op *op)
     err = net_plan_attr(&attr);
     if (err)
         return err;
-    err = net_plan_errno(dnnl_concat_primitive_desc_create(&pd, NULL, op->n_in, 1, mds, attr, p->engine));
+    err = net_dnnl_concat(&p->dnnl, &pd, op->n_in, mds, attr);
     dnnl_primitive_attr_destroy(attr);
     return err ? err : finish(p, op, pd, src, DNNL_ARG_MULTIPLE_SRC);
 }
@@ -235,29 +242,34 @@ static int add_pool(struct net_plan *p, const struct sst_op *op)
     const int src = p->values[op->out].bits8 ? net_plan_in_8_bits(p, op->in[0]) : net_plan_in_f32(p, op->in[0]);
     const struct sst_shape in = p->shapes[op->in[0]], out = p->shapes[op->out];
     const int sizes[2] = { in.h, in.w }, outs[2] = { out.h, out.w };
-    const dnnl_dims_t strides = { op->stride[0], op->stride[1] }, kernel = { op->kernel[0], op->kernel[1] };
-    const dnnl_dims_t dilation = { op->dilation[0] - 1, op->dilation[1] - 1 };
-    const dnnl_dims_t before = { op->pad_before[0], op->pad_before[1] };
-    dnnl_dims_t after;
-    const dnnl_alg_kind_t algorithm = op->kind == SST_OP_MAX_POOL ? dnnl_pooling_max
-                                      : op->count_pad             ? dnnl_pooling_avg_include_padding
-                                                                  : dnnl_pooling_avg_exclude_padding;
-    dnnl_pooling_v2_desc_t desc;
-    dnnl_memory_desc_t dst;
+    struct net_dnnl_layer layer = {
+        .algorithm = op->kind == SST_OP_MAX_POOL ? dnnl_pooling_max
+                     : op->count_pad             ? dnnl_pooling_avg_include_padding
+                                                 : dnnl_pooling_avg_exclude_padding,
+        .stride = { op->stride[0], op->stride[1] },
+        .kernel = { op->kernel[0], op->kernel[1] },
+        .dilation = { op->dilation[0] - 1, op->dilation[1] - 1 },
+        .before = { op->pad_before[0], op->pad_before[1] },
+    };
+    dnnl_primitive_attr_t attr;
     dnnl_primitive_desc_t pd;
-    int err = src < 0 ? src : net_plan_desc(&dst, out, p->tensors[src].md.data_type, dnnl_format_tag_any);
+    int err;
 
+    if (src < 0)
+        return src;
     /* Padding of the last window: ceil_mode extends beyond the specified padding. */
     for (int i = 0; i < 2; i++) {
         const int end = (outs[i] - 1) * op->stride[i] + op->dilation[i] * (op->kernel[i] - 1) + 1;
 
-        after[i] = sst_max_int(end - sizes[i] - op->pad_before[i], op->pad_after[i]);
+        layer.after[i] = sst_max_int(end - sizes[i] - op->pad_before[i], op->pad_after[i]);
     }
-    if (!err)
-        err = net_plan_errno(dnnl_pooling_v2_forward_desc_init(&desc, dnnl_forward_inference, algorithm,
-                                                               &p->tensors[src].md, &dst, strides, kernel, dilation,
-                                                               before, after));
-    err = err ? err : make_desc(p, &pd, &desc);
+    layer.src = p->tensors[src].md;
+    err = net_plan_desc(p, &layer.dst, out, net_dnnl_type(layer.src), dnnl_format_tag_any);
+    err = err ? err : net_plan_attr(&attr);
+    if (err)
+        return err;
+    err = net_dnnl_pool(&p->dnnl, &pd, &layer, attr);
+    dnnl_primitive_attr_destroy(attr);
     return err ? err : finish(p, op, pd, &src, DNNL_ARG_SRC);
 }
 
@@ -277,20 +289,20 @@ static int add_taps(struct net_plan *p, struct net_plan_step *s, const struct ss
 static int add_own(struct net_plan *p, const struct sst_op *op)
 {
     const struct sst_shape in = p->shapes[op->in[0]], out = p->shapes[op->out];
-    dnnl_memory_desc_t md;
+    const_dnnl_memory_desc_t md;
     struct net_plan_step *s;
     int src = net_plan_in_f32(p, op->in[0]), dst, err = 0;
 
     if (src >= 0 && !p->tensors[src].view.block) {
-        err = net_plan_desc(&md, in, dnnl_f32, dnnl_nchw);
-        src = err ? err : net_plan_in_layout(p, op->in[0], &md, 1);
+        err = net_plan_desc(p, &md, in, dnnl_f32, dnnl_nchw);
+        src = err ? err : net_plan_in_layout(p, op->in[0], md, 1);
     }
     if (src < 0)
         return src;
-    err = net_plan_desc(&md, out, dnnl_f32, op->out == p->graph->output ? dnnl_nchw : p->tensors[src].tag);
+    err = net_plan_desc(p, &md, out, dnnl_f32, op->out == p->graph->output ? dnnl_nchw : p->tensors[src].tag);
     if (err)
         return err;
-    dst = net_plan_result(p, op->out, &md, 1);
+    dst = net_plan_result(p, op->out, md, 1);
     s = dst < 0 ? NULL : net_plan_add_step(p, op);
     if (!s)
         return dst < 0 ? dst : -ENOMEM;

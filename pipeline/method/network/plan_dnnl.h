@@ -6,6 +6,7 @@
 
 #include <dnnl.h>
 
+#include "pipeline/method/network/compat_dnnl.h"
 #include "pipeline/method/network/network_internal.h"
 
 #define NET_PLAN_MAX_ARGS (SST_ONNX_MAX_INS + 4)
@@ -23,7 +24,7 @@ struct net_plan_tensor {
     int value;    /* of the graph; -1: overwritten */
     int place_of; /* tensor whose memory it uses, or -1 */
     float scale;  /* the value is scale times what is stored */
-    dnnl_memory_desc_t md;
+    const_dnnl_memory_desc_t md;
     dnnl_memory_t memory;
     struct net_tensor view; /* block 0: a layout private to oneDNN */
     dnnl_format_tag_t tag;  /* of the layout, if block > 0 */
@@ -38,10 +39,10 @@ struct net_plan_step {
     bool serial;                /* on one thread: the result depends on their number */
     int n_args;
     dnnl_exec_arg_t args[NET_PLAN_MAX_ARGS];
-    int tensor[NET_PLAN_MAX_ARGS]; /* of args, -1 for weights, bias and scratch */
-    dnnl_memory_t weights, bias, scratch;
+    int tensor[NET_PLAN_MAX_ARGS]; /* of args, -1 for weights, bias, scales and scratch */
+    dnnl_memory_t weights, bias, scales, scratch;
     void *weights_data;
-    float *bias_data;
+    float *bias_data, *scales_data;
     struct net_tap *taps;
 };
 
@@ -52,8 +53,7 @@ struct net_plan {
     int threads;
     enum sst_precision precision;
     struct net_plan_value *values; /* [n_values] */
-    dnnl_engine_t engine;
-    dnnl_stream_t stream;
+    struct net_dnnl dnnl;
     struct net_plan_tensor *tensors;
     struct net_plan_step *steps;
     int n_tensors, n_steps, tensors_room, steps_room;
@@ -75,7 +75,7 @@ extern int omp_get_max_active_levels(void);
 /* --- plan.c --- */
 
 /** New tensor of a value; its number or a negative errno. */
-int net_plan_add_tensor(struct net_plan *p, int value, const dnnl_memory_desc_t *md, float scale);
+int net_plan_add_tensor(struct net_plan *p, int value, const_dnnl_memory_desc_t md, float scale);
 
 /** Append a step to fill in; NULL: out of memory. */
 struct net_plan_step *net_plan_add_step(struct net_plan *p, const struct sst_op *op);
@@ -86,11 +86,11 @@ struct net_plan_step *net_plan_add_step(struct net_plan *p, const struct sst_op 
 SST_MUST_CHECK int net_plan_add_op(struct net_plan *p, int i);
 
 /** Layout of a shape; tags as dnnl_nchw, which is [c][h][w]. */
-SST_MUST_CHECK int net_plan_desc(dnnl_memory_desc_t *md, struct sst_shape shape, dnnl_data_type_t type,
-                                 dnnl_format_tag_t tag);
+SST_MUST_CHECK int net_plan_desc(struct net_plan *p, const_dnnl_memory_desc_t *md, struct sst_shape shape,
+                                 dnnl_data_type_t type, dnnl_format_tag_t tag);
 
 /** Number of a tensor that holds a value in a layout and scale; plans a reorder if there is none. */
-int net_plan_in_layout(struct net_plan *p, int value, const dnnl_memory_desc_t *md, float scale);
+int net_plan_in_layout(struct net_plan *p, int value, const_dnnl_memory_desc_t md, float scale);
 
 /** Number of a tensor that holds a value in 8 bits of any scale. */
 int net_plan_in_8_bits(struct net_plan *p, int value);
@@ -99,7 +99,7 @@ int net_plan_in_8_bits(struct net_plan *p, int value);
 int net_plan_in_f32(struct net_plan *p, int value);
 
 /** Create the tensor that holds a value from now on; its number or a negative errno. */
-int net_plan_result(struct net_plan *p, int value, const dnnl_memory_desc_t *md, float scale);
+int net_plan_result(struct net_plan *p, int value, const_dnnl_memory_desc_t md, float scale);
 
 SST_MUST_CHECK int net_plan_reorder(struct net_plan *p, int from, int to);
 
@@ -111,7 +111,8 @@ SST_MUST_CHECK int net_plan_attr(dnnl_primitive_attr_t *attr);
 /** Create the primitive of a step and reserve its scratch memory; consumes the description. */
 SST_MUST_CHECK int net_plan_primitive(struct net_plan *p, struct net_plan_step *s, dnnl_primitive_desc_t pd);
 
-int net_plan_errno(dnnl_status_t status);
+/** Pass n factors, which are copied, to a step's argument as it runs; without effect where the primitive has them. */
+SST_MUST_CHECK int net_plan_scales(struct net_plan *p, struct net_plan_step *s, int arg, const float *factors, int n);
 
 /* --- plan_conv.c --- */
 
@@ -130,7 +131,8 @@ uint8_t net_plan_winograd_tile(struct net_plan *p, const struct sst_op *op);
  */
 void net_plan_quantise(const struct sst_op *op, bool s8, float factor, int8_t *weights, float *scales);
 
-/** Biases in units of the sums, which scales[c] brings to units of dst_scale. @param bias out [channels] */
+/** Biases in units of the sums, which scales[c] brings to units of dst_scale; in these, unless net_dnnl_scales_bias().
+ * @param bias  out [channels] */
 void net_plan_scale_bias(const struct sst_op *op, const float *scales, float dst_scale, float *bias);
 
 /* --- plan_bits.c --- */
