@@ -278,6 +278,7 @@ static void noise_is_no_change(void **state)
     static const struct seen still[] = { { .noise = 0.7 }, { .noise = 3 }, { .noise = 10 } };
 
     (void)state;
+    seed = 1; /* whatever ran before */
     for (size_t i = 0; i < ARRAY_LEN(still); i++) {
         struct keeper k;
         int64_t changed = 0;
