@@ -13,7 +13,7 @@ from .files import FormatError, read_bytes
 MOST_BYTES = 1 << 30
 MOST_SIDE = 32768
 MOST_PIXELS = 1 << 28
-_KINDS = ("PNG", "JPEG", "MPO", "TIFF")  # of Pillow's: others start programs (EPS: Ghostscript), or are seldom tested
+_KINDS = ("PNG", "JPEG", "TIFF")  # of Pillow's: others start programs (EPS: Ghostscript), or are seldom tested
 _CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 _DEPTHS = {0: (1, 2, 4, 8, 16), 2: (8, 16), 3: (1, 2, 4, 8), 4: (8, 16), 6: (8, 16)}
 _PASSES = ((0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4), (0, 2, 2, 4), (1, 0, 2, 2), (0, 1, 1, 2))

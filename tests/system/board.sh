@@ -26,9 +26,9 @@ else
   mkdir bin
   cp "$sst" bin
   sst=$tmp/bin/sst
-  want 5 'need OpenCV: libsst-opencv.so is neither beside the program nor in ../lib' board kalibr.yaml -o bad.svg
+  want 5 'need OpenCV: libsst-opencv.so is neither beside the program nor in ../lib/sst' board kalibr.yaml -o bad.svg
   "$sst" board chessboard:10x7:25mm -o chess.png >out || fail "a chessboard without OpenCV: $(cat out)"
-  mkdir lib && echo nonsense >lib/libsst-opencv.so
+  mkdir -p lib/sst && echo nonsense >lib/sst/libsst-opencv.so
   want 5 'cannot load libsst-opencv.so' board kalibr.yaml -o bad.svg
 fi
 exit $failed

@@ -153,8 +153,8 @@ holds "joined" '$1 == 0' 1
 "$build/sst-sim" status --json --dir served | grep -q '"serial":"SIM0003"' || fail "status"
 "$build/sst-sim" stop --dir served; ended $server "a served session" || fail "serve: $(cat err)"
 [ -e served ] && fail "the session's folder stayed"
-mkdir -p usr/bin usr/lib
-cp "$build/sst-sim" usr/bin; cp "$build/libsst-sim-preload.so" usr/lib
+mkdir -p usr/bin usr/lib/sst
+cp "$build/sst-sim" usr/bin; cp "$build/libsst-sim-preload.so" usr/lib/sst
 timeout 600 usr/bin/sst-sim --quiet --world "$root/simulators/scene/world/worlds/small.yaml" -- "$grab" /dev/video0 1 >out 2>err
 holds "installed" '$1 == 0' 1
 mkdir full; touch full/mine
