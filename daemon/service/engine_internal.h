@@ -260,7 +260,7 @@ SST_MUST_CHECK int engine_jpeg(struct live_engine *v, const struct sst_image *im
                                size_t *bytes);
 /** Discard all rendered pictures before the light field is freed.  Live thread. */
 void engine_forget_pictures(struct live_engine *v);
-/** Drop the pictures of all slots, and do not show those that come until the array has its new masks. */
+/** Drop the pictures of all slots, and show no later picture until the array has its new masks. */
 void engine_forget_shown(struct live_engine *v);
 /** The array was opened. @return it still has other masks than the configuration */
 bool engine_masks_follow(struct live_engine *v);
