@@ -83,7 +83,10 @@ use_level() {
   [ -z "$names" ] || export SST_TESTS=$names # tests/test.h
 }
 
-# run NUMBER: output in NUMBER.out, at the end status and milliseconds in NUMBER.end
+# used <TIMES: milliseconds of processors that a shell's children took
+used() { awk -F'[ms ]+' 'NR == 2 { print int(60000 * $1 + 1000 * $2 + 60000 * $3 + 1000 * $4) }'; }
+
+# run NUMBER: output in NUMBER.out, at the end status, milliseconds and those of processors in NUMBER.end
 run() {
   local start pid rc watch test tries=0
   use_level "${tests[$1]}"
@@ -107,7 +110,8 @@ run() {
     tries=$((tries + 1))
     echo "attempt $tries: exit $rc" >>"$dir/$1.out"
   done
-  echo "$rc $(( ($(date +%s%N) - start) / 1000000 ))" >"$dir/$1.new"
+  times >"$dir/$1.times"
+  echo "$rc $(( ($(date +%s%N) - start) / 1000000 ))" "$(used <"$dir/$1.times")" >"$dir/$1.new"
   mv "$dir/$1.new" "$dir/$1.end"
 }
 
@@ -116,14 +120,14 @@ reported() { grep -qE '(ERROR|WARNING): [A-Za-z]*Sanitizer|: runtime error: ' "$
 
 shown=0 passed=0 failed=0 skipped=0 repeated=0 unjudged=0 late=
 show() {
-  local rc ms t out n not
+  local rc ms cpu t out n not
   while [ -e "$dir/$shown.end" ]; do
-    read -r rc ms <"$dir/$shown.end"
+    read -r rc ms cpu <"$dir/$shown.end"
     t=${tests[$shown]} out=$dir/$shown.out
     cat "$dir/$shown.report".* >>"$out" 2>/dev/null
     if reported "$shown" && { [ "$rc" -eq 0 ] || [ "$rc" -eq 77 ]; }; then rc="$rc, but a sanitizer has reported"; fi
     case $rc in
-      0) passed=$((passed + 1)); echo "pass  $t (${ms} ms)";;
+      0) passed=$((passed + 1)); echo "pass  $t (${ms} ms, CPU ${cpu} ms)";;
       77) skipped=$((skipped + 1)); echo "skip  $t: $(tail -n 1 "$out")";;
       *) failed=$((failed + 1))
          [ "$rc" != 124 ] || echo "not ended after $limit s" >>"$out"
