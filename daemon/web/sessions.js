@@ -36,14 +36,14 @@ export class Sessions {
   }
 
   async refresh() {
-    const { sessions } = await get("/api/v1/sessions");
     const control = document.getElementById("role-badge").hidden;
+    // Both before anything is shown: a row that comes later would take a click from the one that it replaces.
+    const [{ sessions }, { tokens }] = await Promise.all([get("/api/v1/sessions"), control ? get("/api/v1/tokens") : { tokens: [] }]);
     sessions.sort((a, b) => Number(b.own) - Number(a.own) || b.seen.localeCompare(a.seen));
     $("log-out").hidden = !sessions.some((session) => session.own);
     setText($("sessions-note"), control ? "A session that is ended needs the token to come back. Another token in token_file ends all of them."
       : "With the control token all sessions are shown here.");
     $("session-list").replaceChildren(...sessions.map((session) => this.row(session, control)));
-    const { tokens } = control ? await get("/api/v1/tokens") : { tokens: [] };
     $("tokens").hidden = !control;
     $("token-list").replaceChildren(...tokens.map((token) => this.tokenRow(token)));
   }
