@@ -67,6 +67,9 @@ endif
 # Which API libgpiod has: 1, 2 or 0 for none.
 WITH_GPIOD ?= $(shell $(PKG_CONFIG) --atleast-version=2 libgpiod 2>/dev/null && echo 2 || { $(PKG_CONFIG) --exists libgpiod 2>/dev/null && echo 1 || echo 0; })
 
+# Looked for once, not for each file.
+$(foreach w,$(filter WITH_%,$(.VARIABLES)),$(eval $(w) := $($(w))))
+
 PACKAGES := libpng libturbojpeg libjpeg jansson yaml-0.1 zlib \
             $(if $(filter 1,$(WITH_DEFLATE)),libdeflate) $(if $(filter 1,$(WITH_UDEV)),libudev) $(if $(filter 1,$(WITH_USB)),libusb-1.0) \
             $(if $(filter 1,$(WITH_MODBUS)),libmodbus) $(if $(filter 1,$(WITH_HTTPD)),libmicrohttpd gnutls) \
