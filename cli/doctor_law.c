@@ -1,6 +1,7 @@
 /* sst doctor --law: retention and privacy of a configuration, age of stored items; docs/use/law.md explains. */
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
+#include <arpa/inet.h>
 #include <dirent.h>
 #include <errno.h>
 #include <jansson.h>
@@ -9,6 +10,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 #include <sys/stat.h>
 #include <time.h>
 
@@ -345,7 +347,10 @@ static void check_audit(struct doctor *d, const struct sst_config *c)
 
 static bool is_loopback(const char *address)
 {
-    return !strncmp(address, "127.", 4) || !strcmp(address, "::1") || !strcmp(address, "localhost");
+    struct in_addr v4; /* a name may begin with a number, too */
+
+    return (!strncmp(address, "127.", 4) && inet_pton(AF_INET, address, &v4) == 1) || !strcmp(address, "::1") ||
+           !strcasecmp(address, "localhost");
 }
 
 static void check_network(struct doctor *d, const struct sst_config *c)

@@ -53,7 +53,8 @@ bool sst_array_triggered(const struct sst_array_config *cfg)
 
 bool sst_array_same_masks(const struct sst_array_config *a, const struct sst_array_config *b)
 {
-    bool same = a->masks == b->masks && !strcmp(a->mask_calibration, b->mask_calibration);
+    bool same = a->masks == b->masks && !strcmp(a->mask_calibration, b->mask_calibration) &&
+                a->mask_stamp == b->mask_stamp;
 
     for (int i = 0; same && i < a->masks; i++) {
         const struct sst_config_mask *m = &a->mask[i], *n = &b->mask[i];

@@ -147,6 +147,7 @@ struct sst_array_config {
     int masks;
     struct sst_config_mask mask[SST_CONFIG_MASKS_MAX];
     char mask_calibration[SST_CONFIG_TEXT_MAX]; /* live.calibration, if a mask is of the reference view; "" */
+    int64_t mask_stamp;                         /* of that file: another one when it is written again; 0: none */
 };
 
 /** Number of bound cameras of a kind. */

@@ -147,6 +147,7 @@ static void check_bind(struct config_load *load)
     struct sst_array_config *a = &load->cfg->array;
     struct sst_yaml_node *n = elements(p);
     int split[2];
+    struct in_addr v4;
 
     for (int i = 0; n && i < a->bound; i++, n = n->next) {
         struct sst_config_camera *c = &a->camera[i];
@@ -164,6 +165,9 @@ static void check_bind(struct config_load *load)
             fault(p, n, "has col %d, but columns are 0..%d", c->col, a->cols - 1);
         if (c->kind == SST_CONFIG_GENICAM && !c->serial[0] && !c->port[0])
             fault(p, n, "needs the camera's serial, or its address as port (sst cameras lists them)");
+        if (c->kind == SST_CONFIG_GENICAM && !c->port[strspn(c->port, "0123456789.")] && c->port[0] &&
+            inet_pton(AF_INET, c->port, &v4) != 1)
+            fault(p, n, "has the port %s, which is no address such as 192.168.1.7", c->port);
         if (c->kind == SST_CONFIG_V4L2 && !c->serial[0] == !c->port[0])
             fault(p, n, "needs either the camera's serial or its port (sst cameras lists them)");
         if (line && *line->text)
@@ -264,6 +268,16 @@ static const char *mask_fault(const struct sst_array_config *a, const struct sst
     return m->row < 0 && m->far_px >= m->near_px ? "has a far_px that is not below its near_px" : NULL;
 }
 
+/* Time, size and place of a file as one number, which differs when it is written again. 0: there is none. */
+static int64_t stamp_of(const char *path)
+{
+    struct stat st;
+
+    if (stat(path, &st))
+        return 0;
+    return (int64_t)st.st_mtim.tv_sec * 1000000000 + st.st_mtim.tv_nsec + (int64_t)st.st_size + (int64_t)st.st_ino;
+}
+
 static void check_masks(struct config_load *load)
 {
     const struct config_place *p = source(load, "privacy.masks", NULL);
@@ -271,6 +285,7 @@ static void check_masks(struct config_load *load)
     struct sst_yaml_node *n = elements(p);
 
     a->mask_calibration[0] = 0;
+    a->mask_stamp = 0;
     for (int i = 0; n && i < a->masks; i++, n = n->next) {
         const struct sst_config_mask *m = &a->mask[i];
 
@@ -282,6 +297,8 @@ static void check_masks(struct config_load *load)
         if (m->row < 0)
             memcpy(a->mask_calibration, load->cfg->live.calibration, sizeof(a->mask_calibration));
     }
+    if (a->mask_calibration[0])
+        a->mask_stamp = stamp_of(a->mask_calibration);
 }
 
 void config_check_array(struct config_load *load)

@@ -104,7 +104,7 @@ static int change(struct sst_service *s, struct sst_config *to, const struct sst
         return n;
     list = changes_json(changes, n, &all);
     free(changes);
-    if (strcmp(from->array.mask_calibration, to->array.mask_calibration) != 0) /* masks lie elsewhere in the frames */
+    if (!sst_array_same_masks(&from->array, &to->array)) /* also by a calibration that was written again */
         all.cameras = true;
     err = renew(s, to, dry_run, list);
     if (!err) {

@@ -57,6 +57,10 @@ found PROBLEM privacy.masks "none.yaml"
 found NOTE "" "the sign"
 "$sst" doctor --law --config sstd.yaml 2>/dev/null | grep -q '^PROBLEM  network .*\[web.insecure\]$' || fail "text"
 
+# A host's name may begin like an address of this machine.
+sed 's/host: broker.example/host: 127.example.org/' sstd.yaml >named.yaml
+"$sst" doctor --law --config named.yaml 2>/dev/null | grep -q '127.example.org unencrypted' || fail "a broker's name is taken for this host"
+
 # All of it put right.
 chmod 600 token
 chmod 750 store

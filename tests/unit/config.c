@@ -270,6 +270,8 @@ static void single_faults_are_told(void **state)
         { "wbe: {}\n", "did you mean `web`?" },
         { "cameras: { bind: [ { row: 0, col: 0, kind: genicam, serial: A } ] }\n", "MJPEG is no format of GenICam cameras" },
         { "cameras: { format: GREY, bind: [ { row: 0, col: 0, kind: genicam } ] }\n", "or its address as port" },
+        { "cameras: { format: GREY, bind: [ { row: 0, col: 0, kind: genicam, port: 10.0.0.300 } ] }\n",
+          "has the port 10.0.0.300, which is no address" },
         { "cameras: { format: GREY, bind: [ { row: 0, col: 0, kind: genicam, serial: A } ] }\n"
           "trigger: { source: software }\n",
           "wire needs pulses" },
@@ -464,6 +466,25 @@ static void expect_change(const struct sst_config_change *list, int n, const cha
 }
 
 /* Zones drawn on the page: over the zones of other files, and no other key. */
+/* Masks of the reference view lie elsewhere after the calibration was written again, under the same name, too. */
+static void masks_follow_their_calibration(void **state)
+{
+    char text[SST_PATH_MAX + 200];
+    struct sst_array_config before;
+
+    (void)state;
+    snprintf(text, sizeof(text), "live: { calibration: %s/calib.yaml }\nprivacy: { masks: [ { name: a, near_px: 3 } ] }\n",
+             test_folder);
+    put("calib.yaml", "1");
+    accept(text);
+    before = cfg.array;
+    accept(text);
+    assert_true(sst_array_same_masks(&before, &cfg.array));
+    put("calib.yaml", "1 2");
+    accept(text);
+    assert_false(sst_array_same_masks(&before, &cfg.array));
+}
+
 static void drawn_zones_replace_others(void **state)
 {
     struct sst_zone drawn = { .name = "lawn",
@@ -586,6 +607,7 @@ int main(void)
         cmocka_unit_test(what_is_odd_is_warned_of),
         cmocka_unit_test(retired_keys_are_warned_of),
         cmocka_unit_test(the_array_alone_leaves_the_service_alone),
+        cmocka_unit_test(masks_follow_their_calibration),
         cmocka_unit_test(drawn_zones_replace_others),
         cmocka_unit_test(differences_are_told),
         cmocka_unit_test(page_of_links),

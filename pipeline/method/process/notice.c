@@ -219,8 +219,9 @@ void sst_notice_describe(struct sst_notices *out, int rows, int cols)
             out->jpeg_views, views - out->missing, out->jpeg_quality);
     if (out->missing >= SST_NOTICE_MISSING * views)
         add(out, "missing-views",
-            "%d of %d views are missing: what is behind leaves is seen by fewer; record them again", out->missing,
-            views);
+            "%d of %d views are missing: what is behind leaves is seen by fewer; look after their cameras, or record "
+            "them again",
+            out->missing, views);
     if (out->blank)
         add(out, "blank-views",
             "%d of %d views show next to nothing, the first is that of row %d, column %d: black, covered or "
