@@ -243,6 +243,9 @@ bool cli_is_bound(const struct sst_config_camera *c, const char *serial, const c
 
 /** True if that GenICam camera is that one of the configuration. */
 bool cli_is_genicam(const struct sst_config_camera *c, const struct sst_genicam_device *device);
+/** Its place in the array; -1, -1: none. */
+struct cli_place cli_genicam_place(const struct sst_array_config *cfg, const struct sst_genicam_device *device);
+
 /** sst_genicam_list(), none without Aravis. *devices to free with free(). @return 0 or -ENOMEM */
 SST_MUST_CHECK int cli_genicam_list(struct sst_genicam_device **devices, int *count);
 /** As JSON and as a table, with the places that the configuration gives them. @return NULL: no memory */

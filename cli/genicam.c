@@ -27,7 +27,7 @@ int cli_genicam_list(struct sst_genicam_device **devices, int *count)
     return err == -ENOTSUP ? 0 : err;
 }
 
-static struct cli_place place_of(const struct sst_array_config *cfg, const struct sst_genicam_device *d)
+struct cli_place cli_genicam_place(const struct sst_array_config *cfg, const struct sst_genicam_device *d)
 {
     for (int k = 0; k < cfg->bound; k++)
         if (cli_is_genicam(&cfg->camera[k], d))
@@ -44,7 +44,7 @@ json_t *cli_genicam_json(const struct sst_array_config *cfg, const struct sst_ge
         json_t *one = json_pack("{s:s, s:s, s:s, s:s, s:s, s:s}", "id", d->id, "vendor", d->vendor, "model", d->model,
                                 "serial", d->serial, "port", d->address, "driver", d->protocol);
 
-        if (!cli_place_json(one, place_of(cfg, d)) || json_array_append_new(list, one)) {
+        if (!cli_place_json(one, cli_genicam_place(cfg, d)) || json_array_append_new(list, one)) {
             json_decref(list);
             list = NULL;
         }
@@ -59,7 +59,7 @@ void cli_genicam_print(const struct sst_array_config *cfg, const struct sst_geni
     if (count)
         printf("\n%-6s %-30s %-14s %-16s %s\n", "PLACE", "GENICAM CAMERA", "SERIAL", "ADDRESS", "DRIVER");
     for (int i = 0; i < count; i++)
-        printf("%-6s %-30s %-14s %-16s %s\n", cli_place_text(at, place_of(cfg, &devices[i])), devices[i].id,
+        printf("%-6s %-30s %-14s %-16s %s\n", cli_place_text(at, cli_genicam_place(cfg, &devices[i])), devices[i].id,
                *devices[i].serial ? devices[i].serial : "-", devices[i].address, devices[i].protocol);
 }
 

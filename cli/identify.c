@@ -14,36 +14,15 @@
 #include "capture/array/capture.h"
 #include "capture/array/masks.h"
 #include "cli/cli_internal.h"
-#include "cli/doctor_internal.h"
+#include "cli/identify_internal.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/image/font.h"
 #include "pipeline/image/raw.h"
 
-/* The first frames after a start are often damaged or not yet exposed. */
-#define SKIP_FRAMES 2
-#define PICTURE_NS  INT64_C(6000000000)
-#define TILE_WIDTH  400
-#define GAP         8
-#define DOT         2
-#define CAPTION     (DOT * (SST_FONT_HEIGHT + 3)) /* px of a line below each picture */
-
-struct shot {
-    struct sst_grab_device device;
-    struct cli_place place;
-    struct sst_image image; /* no plane: none received */
-    int good;
-    char why[256];
-};
-
-struct session {
-    struct shot *shots; /* [count], in the order of ports */
-    int count;
-    struct sst_masks *masks; /* of the shots; NULL: none */
-    struct sst_masks_set *masked;
-    /* of the running grab */
-    struct sst_grab *grab;
-    int index[SST_CAMERAS_MAX], missing;
-};
+#define TILE_WIDTH 400
+#define GAP        8
+#define DOT        2
+#define CAPTION    (DOT * (SST_FONT_HEIGHT + 3)) /* px of a line below each picture */
 
 /* --- pictures ----------------------------------------------------------------------------------------------------- */
 
@@ -74,22 +53,28 @@ static const struct sst_frame *mask(struct session *s, int i, struct sst_frame *
     return s->masked->set.frame[i];
 }
 
-static void on_frame(void *arg, struct sst_frame *f)
+void identify_frame(struct session *s, struct sst_frame *f)
 {
-    struct session *s = arg;
     const int i = s->index[f->cam];
     struct shot *shot = &s->shots[i];
 
     if (!(f->faults & SST_FRAME_BAD) && !shot->image.width && shot->good++ >= SKIP_FRAMES) {
         const struct sst_frame *seen = mask(s, i, f);
 
-        if (seen && !decode(&shot->image, seen, shot->device.node))
+        if (seen && !decode(&shot->image, seen, shot->genicam ? shot->device.port : shot->device.node))
             s->missing--;
     }
+}
+
+static void on_frame(void *arg, struct sst_frame *f)
+{
+    struct session *s = arg;
+
+    identify_frame(s, f);
     sst_grab_release(s->grab, f);
 }
 
-static void on_state(void *arg, int cam, enum sst_grab_state state, const char *why)
+void identify_state(void *arg, int cam, enum sst_grab_state state, const char *why)
 {
     struct session *s = arg;
     struct shot *shot = &s->shots[s->index[cam]];
@@ -110,7 +95,7 @@ static bool any_waiting(const struct session *s, const struct sst_grab_config *c
 /* Take a picture of each camera in s->index. A failure is recorded in its shot. @return 0 or -errno */
 static int grab_pictures(struct session *s, struct sst_grab_config *cfg)
 {
-    const struct sst_grab_events events = { s, on_frame, on_state };
+    const struct sst_grab_events events = { s, on_frame, identify_state };
     int64_t end_ns;
     int err = sst_grab_open(&s->grab, cfg, &events);
 
@@ -132,7 +117,7 @@ static int take_round(struct session *s, struct sst_grab_config *cfg, struct sst
 {
     cfg->cameras = 0;
     for (int i = first; i < first + n; i++) {
-        if (s->shots[i].image.width || s->shots[i].device.error)
+        if (s->shots[i].image.width || s->shots[i].device.error || s->shots[i].genicam)
             continue;
         memcpy(bindings[cfg->cameras].port, s->shots[i].device.port, sizeof(bindings->port));
         bindings[cfg->cameras].node = s->shots[i].device.nth;
@@ -158,7 +143,7 @@ static int take_pictures(struct session *s, const struct sst_array_config *array
     for (int i = 0; !err && s->count > 1 && i < s->count; i++)
         err = take_round(s, &cfg, bindings, i, 1);
     free(bindings);
-    return err;
+    return err ? err : identify_genicams(s, array);
 }
 
 /* --- output ------------------------------------------------------------------------------------------------------- */
@@ -358,8 +343,9 @@ static int write_bindings(const struct session *s, const struct sst_array_config
         int row, col;
 
         sst_array_place(cfg, i, &row, &col);
-        fprintf(out.stream, "    - { row: %d, col: %d, %s: \"%s\"", row, col,
-                serial ? "serial" : "port", serial ? s->shots[i].device.serial : s->shots[i].device.port);
+        fprintf(out.stream, "    - { row: %d, col: %d, %s%s: \"%s\"", row, col,
+                s->shots[i].genicam ? "kind: genicam, " : "", serial ? "serial" : "port",
+                serial ? s->shots[i].device.serial : s->shots[i].device.port);
         if (s->shots[i].device.nth > 1)
             fprintf(out.stream, ", node: %d", s->shots[i].device.nth);
         fprintf(out.stream, " }\n");
@@ -369,7 +355,7 @@ static int write_bindings(const struct session *s, const struct sst_array_config
 
 /* --- command ------------------------------------------------------------------------------------------------------ */
 
-/* Select the requested cameras; of several nodes of one device the ones in the array. */
+/* Select the requested V4L2 and GenICam cameras; of several nodes of one device the ones in the array. */
 static int choose(struct session *s, const struct sst_array_config *cfg, const char *serial, const char *port)
 {
     struct sst_grab_device *devices;
@@ -381,7 +367,7 @@ static int choose(struct session *s, const struct sst_array_config *cfg, const c
     (void)sst_grab_select(devices, count, cfg->fourcc);
     all = count;
     err = sst_grab_list_parts(&devices, &count, &all, sst_capture_split(cfg));
-    s->shots = calloc((size_t)count + 1, sizeof(*s->shots));
+    s->shots = calloc(SST_CAMERAS_MAX, sizeof(*s->shots));
     place = calloc((size_t)count + 1, sizeof(*place));
     err = err ? err : s->shots && place ? 0 : -ENOMEM;
     if (!err)
@@ -397,6 +383,7 @@ static int choose(struct session *s, const struct sst_array_config *cfg, const c
     }
     free(place);
     free(devices);
+    err = err ? err : identify_list_genicams(s, cfg, serial, port);
     if (!err && s->count)
         return 0;
     sst_log_error("%s; see `sst cameras`", err              ? "no memory for a list of cameras"
@@ -421,9 +408,10 @@ static int open_masks(struct session *s, const struct sst_array_config *cfg)
     }
     err = sst_masks_create(&s->masks, a);
     if (!err && s->masks && unknown)
-        sst_log_warning("%d cameras have no place in the array, so privacy masks cannot be placed and their pictures are "
-                        "black; take out privacy: masks until cameras: bind is written",
-                        unknown);
+        sst_log_warning(
+            "%d cameras have no place in the array, so privacy masks cannot be placed and their pictures are "
+            "black; take out privacy: masks until cameras: bind is written",
+            unknown);
     s->masked = err ? NULL : malloc(sizeof(*s->masked));
     free(a);
     return err || s->masked ? err : -ENOMEM;
@@ -435,7 +423,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     bool json = false;
     const struct cli_option options[] = {
         { "serial", 0, CLI_STRING, &serial, "S", "only the camera of this serial" },
-        { "port", 0, CLI_STRING, &port, "P", "only the camera at this USB port" },
+        { "port", 0, CLI_STRING, &port, "P", "only the camera at this USB port or address" },
         { "output", 'o', CLI_MADE, &dir, "DIR", "folder for the pictures (identify)" },
         { "write", 0, CLI_FILE, &write, "FILE", "write a `bind:` section in the order of ports" },
         { "config", 'c', CLI_STRING, &config, "FILE", "configuration of the array (/etc/sst/sstd.yaml)" },

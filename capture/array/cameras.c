@@ -88,7 +88,7 @@ static enum sst_genicam_trigger trigger_of(const struct sst_array_config *a)
     }
 }
 
-static void genicam_config(struct sst_genicam_config *cfg, const struct sst_array_config *a)
+void sst_capture_genicam_config(struct sst_genicam_config *cfg, const struct sst_array_config *a)
 {
     sst_genicam_config_defaults(cfg);
     cfg->fourcc = a->fourcc;
@@ -123,7 +123,7 @@ static int open_genicam(struct cameras *c, const struct sst_array_config *a)
 
     if (!bindings)
         return -ENOMEM;
-    genicam_config(&cfg, a);
+    sst_capture_genicam_config(&cfg, a);
     for (int i = 0; i < c->other.count; i++) {
         const struct sst_config_camera *cam = &a->camera[c->other.place[i]];
 

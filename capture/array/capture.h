@@ -83,6 +83,7 @@ double sst_capture_masked(const struct sst_capture *capture, int cam);
 
 /** Settings of the cameras in an array's configuration, without bindings. */
 void sst_capture_grab_config(struct sst_grab_config *cfg, const struct sst_array_config *array);
+void sst_capture_genicam_config(struct sst_genicam_config *cfg, const struct sst_array_config *array);
 
 /** The trigger of an array's configuration; not for free-run. */
 void sst_capture_trigger_config(struct sst_trigger_config *cfg, const struct sst_array_config *array);

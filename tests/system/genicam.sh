@@ -38,6 +38,21 @@ assert frames[0] + r["array"][0]["lost"] <= 15 and r["array"][0]["buckets"]["set
 PY
 python3 "$root/tests/genicam_sets.py" rec 0.2 0=camera1.out 1=camera2.out >sets || fail "mixed sets: $(cat sets)"
 
+# Pictures of the bound ones at their positions; of another one only if it is asked for.
+sed '/serial: G2/d' a.yaml >one.yaml
+in_array "$sst" identify --config one.yaml -o faces --json >json 2>err || fail "identify: $(cat err)"
+grep -q '1 GenICam cameras are not bound' err || fail "identify: the other is not told: $(cat err)"
+in_array "$sst" identify --config one.yaml -o faces2 --serial G2 --write bind.yaml >out 2>&1 || fail "identify --serial: $(cat out)"
+grep -q 'kind: genicam, serial: "G2"' bind.yaml || fail "bindings: $(cat bind.yaml)"
+python3 - <<'PY' || fail "identify: $(cat json)"
+import json, os
+cams = json.load(open("json"))["cameras"]
+assert [(c["serial"], c["port"], c["row"], c["col"], c["picture"]) for c in cams] == [
+    ("G1", "10.88.0.2", 0, 0, "faces/10.88.0.2_G1.png")], cams
+for f in ("faces/10.88.0.2_G1.png", "faces/identify.png", "faces2/10.88.0.3_G2.png"):
+    assert os.path.getsize(f) > 100, f
+PY
+
 # Settings that a camera has not are named with it; values that no camera can have are refused before.
 sed 's/exposure_us: 10000/gain: 3.5, pixel_format: Mono12/; s/GREY/Y16/' a.yaml >bad.yaml
 in_array timeout 20 "$sst" capture array --config bad.yaml -n 1 >/dev/null 2>err && fail "a format that no camera has"
