@@ -40,6 +40,13 @@ typedef uint32_t u32x4 __attribute__((vector_size(16)));
 typedef int32_t s32x4 __attribute__((vector_size(16)));
 typedef float f32x4 __attribute__((vector_size(16)));
 
+/* Sanitizers are not ready when the loader chooses. */
+#if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#define WIDE __attribute__((target_clones("avx2", "default")))
+#else
+#define WIDE
+#endif
+
 static inline uint32_t mix(uint32_t h)
 {
     h ^= h >> 15;
@@ -96,12 +103,12 @@ static inline float noise(struct sst_vec3 p, uint32_t seed)
     return front + (plane(at + OF_Z, u, v) - front) * smooth((float)(p.z - z));
 }
 
-float sst_noise(struct sst_vec3 p, uint32_t seed)
+WIDE float sst_noise(struct sst_vec3 p, uint32_t seed)
 {
     return noise(p, seed);
 }
 
-float sst_noise_fbm(struct sst_vec3 p, int octaves, uint32_t seed)
+WIDE float sst_noise_fbm(struct sst_vec3 p, int octaves, uint32_t seed)
 {
     float sum = 0, weight = 1, total = 0;
 
