@@ -190,19 +190,6 @@ static int solve_again(void *arg, int set, int worker)
     return err;
 }
 
-/* The same number of views, or the moments are not of one rig. Sizes may differ: pictures can have been cropped. */
-static int check_alike(const struct poses_scene *scene, int count)
-{
-    for (int s = 1; s < count; s++) {
-        if (scene[s].views != scene->views) {
-            sst_log_error("%s has %d views, %s %d: they are not of one rig", scene->dir, scene->views, scene[s].dir,
-                          scene[s].views);
-            return -EBADMSG;
-        }
-    }
-    return 0;
-}
-
 static void read_lenses(struct rig *rig)
 {
     int lines = 0;
@@ -219,11 +206,8 @@ int poses_share_rig(struct poses_scene *scene, int count, const struct sst_posed
     struct rig rig = { .scene = scene, .cfg = cfg, .count = count, .views = scene->views };
     const size_t n = (size_t)scene->views, all = n * (size_t)count;
     double *work = malloc((n + (size_t)count) * sizeof(*work));
-    int err = check_alike(scene, count), known = 0;
+    int err = -ENOMEM, known = 0;
 
-    if (err)
-        goto done;
-    err = -ENOMEM;
     rig.focal = malloc((size_t)count * sizeof(*rig.focal));
     rig.known = calloc(n, sizeof(*rig.known));
     rig.prior = calloc(n, sizeof(*rig.prior));

@@ -102,9 +102,22 @@ static int arrange(struct poses_scene *scene, int count, const struct sst_posed_
     return err;
 }
 
+/* The same number of views, or the moments are not of one rig. Sizes may differ: pictures can have been cropped. */
+static int check_alike(const struct poses_scene *scene, int count)
+{
+    for (int s = 1; s < count; s++) {
+        if (scene[s].views != scene->views) {
+            sst_log_error("%s has %d views, %s %d: they are not of one rig", scene->dir, scene->views, scene[s].dir,
+                          scene[s].views);
+            return -EBADMSG;
+        }
+    }
+    return 0;
+}
+
 static int solve_scenes(struct poses_scene *scene, int count, const struct sst_posed_solve_config *cfg)
 {
-    int err = 0;
+    int err = cfg->one_rig ? check_alike(scene, count) : 0;
 
     for (int i = 0; !err && i < count; i++) {
         report_progress(cfg, 0.4 * i / count);
