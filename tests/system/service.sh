@@ -7,6 +7,9 @@ need libcurl
 . "$root/tests/service_lib.sh"
 . "$root/tests/service_array.sh"
 
+# unmeasured PART: not once more in make check-timing
+unmeasured() { [ -n "${SST_TIMING-}" ] || "$1"; }
+
 # A configuration is judged before anything is touched.
 "$build/sstd" --check --config sstd.yaml 2>err || fail "--check: $(cat err)"
 sed 's/^zones/zonse/' sstd.yaml >wrong.yaml
@@ -26,31 +29,34 @@ takes_alarm() { [ $((0x$(awk '/^SigBlk/ { print $2 }' "$1/status") >> 13 & 1)) -
 takes_alarm "/proc/$daemon/task/$daemon" && fail "the main thread would be given the alarm"
 takes_alarm "$(dirname "$(grep -lx sst-signals /proc/"$daemon"/task/*/comm)")" || fail "nobody takes the alarm"
 # A healthy service may be busy for a moment, and reports it.
-awaits "curl -sf -m 10 --unix-socket c.sock http://x/healthz >/dev/null" || fail "healthz"
-awaits "'$sst' snapshot -o now.jpg 2>err" || fail "snapshot: $(cat err)"
-[ "$(head -c 2 now.jpg | od -An -tx1)" = " ff d8" ] || fail "snapshot is no JPEG"
-for p in camera/r5c5 labels disparity main; do
-  awaits "curl -sf -m 10 --unix-socket c.sock 'http://x/snapshot/$p' >p.jpg" && [ "$(head -c 2 p.jpg | od -An -tx1)" = " ff d8" ] || fail "/snapshot/$p"
-done
-# Huffman tables that a camera leaves out are in its pictures.
-"$build/sst-sim" fault --dir session camera.0.no_tables=1 >/dev/null
-awaits "curl -sf -m 10 --unix-socket c.sock http://x/snapshot/camera/r0c0 | od -An -v -tx1 | tr -d '\n' | grep -q 'ff c4 01 a2'" ||
-  fail "a camera's picture without Huffman tables"
-"$build/sst-sim" fault --dir session camera.0.no_tables=0 >/dev/null
-awaits "curl -sf -m 10 --unix-socket c.sock http://x/metrics >metrics && grep -q '^sst_cameras_present 36$' metrics" || fail "metrics: $(cat metrics)"
-awk '$1 == "#" && $2 == "TYPE" { type[$3] = $4 } /^[^#].*quantile=/ { sub(/\{.*/, ""); if (type[$0] != "summary") { print; bad = 1 } }
-  END { exit bad }' metrics || fail "quantiles of what is no summary"
+answers() {
+  awaits "curl -sf -m 10 --unix-socket c.sock http://x/healthz >/dev/null" || fail "healthz"
+  awaits "'$sst' snapshot -o now.jpg 2>err" || fail "snapshot: $(cat err)"
+  [ "$(head -c 2 now.jpg | od -An -tx1)" = " ff d8" ] || fail "snapshot is no JPEG"
+  for p in camera/r5c5 labels disparity main; do
+    awaits "curl -sf -m 10 --unix-socket c.sock 'http://x/snapshot/$p' >p.jpg" && [ "$(head -c 2 p.jpg | od -An -tx1)" = " ff d8" ] || fail "/snapshot/$p"
+  done
+  # Huffman tables that a camera leaves out are in its pictures.
+  "$build/sst-sim" fault --dir session camera.0.no_tables=1 >/dev/null
+  awaits "curl -sf -m 10 --unix-socket c.sock http://x/snapshot/camera/r0c0 | od -An -v -tx1 | tr -d '\n' | grep -q 'ff c4 01 a2'" ||
+    fail "a camera's picture without Huffman tables"
+  "$build/sst-sim" fault --dir session camera.0.no_tables=0 >/dev/null
+  awaits "curl -sf -m 10 --unix-socket c.sock http://x/metrics >metrics && grep -q '^sst_cameras_present 36$' metrics" || fail "metrics: $(cat metrics)"
+  awk '$1 == "#" && $2 == "TYPE" { type[$3] = $4 } /^[^#].*quantile=/ { sub(/\{.*/, ""); if (type[$0] != "summary") { print; bad = 1 } }
+    END { exit bad }' metrics || fail "quantiles of what is no summary"
+}
+unmeasured answers
 
-# All views are looked at, one after the other, and nothing is noticed of them. Not once more in make check-timing: the limit of
-# two minutes is six times the usual time.
-if [ -z "${SST_TIMING-}" ]; then
+# All views are looked at, one after the other, and nothing is noticed of them: usually in 20 s.
+looked_at() {
   until_is 120 live.quality.views 'v == 36'
   awaits "curl -sf -m 10 --unix-socket c.sock http://x/metrics >metrics && grep -q '^sst_noticed{what=\"missing-views\"} 0$' metrics" ||
     fail "noticed: $(grep noticed metrics)"
   for what in missing-views blank-views time-offsets misaligned; do
     ! value noticed | grep -q "\"$what\"" || fail "$what is noticed of an array that is well: $(value noticed)"
   done
-fi
+}
+unmeasured looked_at
 
 # Without viewers one view is watched, and maps are brought up to date now and then.
 until_is 20 live.demand 'v == "events"' # for visits to the zone
@@ -62,9 +68,12 @@ quick $(($(date +%s%3N) - since)) 3000 || fail "the first picture after a while 
 [ "$(value live.demand)" = '"pictures"' ] || fail "a snapshot was asked for, and the service computes for $(value live.demand)"
 
 # A scene that stands still: nothing is computed.
-timeout 300 curl -s -m 300 --unix-socket c.sock http://x/stream >/dev/null & viewer=$!
-until_is 20 live.idle 'v > 10'
-kill $viewer
+stands_still() {
+  timeout 300 curl -s -m 300 --unix-socket c.sock http://x/stream >/dev/null & viewer=$!
+  until_is 20 live.idle 'v > 10'
+  kill $viewer
+}
+unmeasured stands_still
 
 # Reload: a faulty configuration is refused and the old one stays; a right one applies.
 cp sstd.yaml good.yaml
@@ -77,23 +86,26 @@ grep -q 'trigger.rate_hz' out || fail "dry run: $(cat out)"
 until_is 2 capture.rate_hz 'v > 7'
 "$sst" reload >out || fail "reload"
 until_is 15 capture.rate_hz '3 < v < 6.5'
-sed 's/^live:.*//; $ a live: {c1: 0.5, focus_px: 3}' sstd.yaml >live.yaml && cp live.yaml sstd.yaml
-"$sst" reload >out || fail "reload of the main view's settings"
-ask /api/v1/views | grep -q '"focus_px":3.*"c1":0.5' || ask /api/v1/views | grep -q '"c1":0.5.*"focus_px":3' || fail "reload leaves the main view as it was: $(ask /api/v1/views)"
-grep -v '^zones' live.yaml >sstd.yaml
-"$sst" reload >out || fail "reload without zones: $(cat out)"
-until_is 30 live.demand 'v == "none"'
-# Unused work is not done: no picture, and maps at most each 5 s of the service's own time, however many sets come.
-curl -s --unix-socket c.sock http://x/api/v1/status >idle0
-until_is 60 live.watched "v >= $(value live.watched) + 30"
-curl -s --unix-socket c.sock http://x/api/v1/status >idle1
-/usr/bin/python3 -c 'import json
+main_view_and_nobody() {
+  sed 's/^live:.*//; $ a live: {c1: 0.5, focus_px: 3}' sstd.yaml >live.yaml && cp live.yaml sstd.yaml
+  "$sst" reload >out || fail "reload of the main view's settings"
+  ask /api/v1/views | grep -q '"focus_px":3.*"c1":0.5' || ask /api/v1/views | grep -q '"c1":0.5.*"focus_px":3' || fail "reload leaves the main view as it was: $(ask /api/v1/views)"
+  grep -v '^zones' live.yaml >sstd.yaml
+  "$sst" reload >out || fail "reload without zones: $(cat out)"
+  until_is 30 live.demand 'v == "none"'
+  # Unused work is not done: no picture, and maps at most each 5 s of the service's own time, however many sets come.
+  curl -s --unix-socket c.sock http://x/api/v1/status >idle0
+  until_is 60 live.watched "v >= $(value live.watched) + 30"
+  curl -s --unix-socket c.sock http://x/api/v1/status >idle1
+  /usr/bin/python3 -c 'import json
 a, b = (json.load(open(name)) for name in ("idle0", "idle1"))
 grown = lambda key: b["live"][key] - a["live"][key]
 updates, s = grown("sets") - grown("watched"), b["uptime_s"] - a["uptime_s"]
 assert grown("watched") >= 30 and updates <= s / 5 + 2 and grown("pictures") == 0, (updates, s, a["live"], b["live"])' ||
-  fail "the service computes for nobody"
-cp live.yaml sstd.yaml
+    fail "the service computes for nobody"
+  cp live.yaml sstd.yaml
+}
+unmeasured main_view_and_nobody
 kill -HUP "$daemon"
 sleep 0.5
 kill -0 "$daemon" || fail "SIGHUP ended it"
@@ -109,12 +121,15 @@ fault camera.7.unplug=0
 until_is 10 state 'v == "capturing"'
 
 # A tenth of the views is missing: noticed, and no longer so.
-for i in 3 9 20 31; do fault camera.$i.unplug=1; done
-until_is 30 noticed 'any(n["what"] == "missing-views" for n in v)'
-"$sst" status | grep -q 'noticed .*views are missing' || fail "status: $("$sst" status)"
-for i in 3 9 20 31; do fault camera.$i.unplug=0; done
-until_is 10 state 'v == "capturing"'
-until_is 60 noticed 'not any(n["what"] == "missing-views" for n in v)'
+tenth_missing() {
+  for i in 3 9 20 31; do fault camera.$i.unplug=1; done
+  until_is 30 noticed 'any(n["what"] == "missing-views" for n in v)'
+  "$sst" status | grep -q 'noticed .*views are missing' || fail "status: $("$sst" status)"
+  for i in 3 9 20 31; do fault camera.$i.unplug=0; done
+  until_is 10 state 'v == "capturing"'
+  until_is 60 noticed 'not any(n["what"] == "missing-views" for n in v)'
+}
+unmeasured tenth_missing
 
 # The trigger's chip goes and comes back.
 fault gpio.vanish=1
@@ -131,18 +146,24 @@ until_is 30 state 'v == "capturing"'
 picks main || fail "no pick after all cameras were away: $(cat picked)"
 
 # Frames come, but belong to no trigger (half a period off): told with the remedy, and in few lines.
-for i in $(seq 0 35); do echo camera.$i.clock_step_us=-100000; done | xargs "$build/sst-sim" fault --dir session >/dev/null
-until_is 20 reason '"belong to no trigger" in v and "trigger_mode" in v'
-until_is 5 state 'v in ("failed", "degraded")'
-for i in $(seq 0 35); do echo camera.$i.clock_step_us=0; done | xargs "$build/sst-sim" fault --dir session >/dev/null
-until_is 30 state 'v == "capturing"'
-[ "$(grep -c 'cameras.*frames belong to no trigger' sstd.log)" -lt 20 ] || fail "a line for each camera: $(grep -c trigger sstd.log)"
+no_trigger() {
+  for i in $(seq 0 35); do echo camera.$i.clock_step_us=-100000; done | xargs "$build/sst-sim" fault --dir session >/dev/null
+  until_is 20 reason '"belong to no trigger" in v and "trigger_mode" in v'
+  until_is 5 state 'v in ("failed", "degraded")'
+  for i in $(seq 0 35); do echo camera.$i.clock_step_us=0; done | xargs "$build/sst-sim" fault --dir session >/dev/null
+  until_is 30 state 'v == "capturing"'
+  [ "$(grep -c 'cameras.*frames belong to no trigger' sstd.log)" -lt 20 ] || fail "a line for each camera: $(grep -c trigger sstd.log)"
+}
+unmeasured no_trigger
 
 # Another service on the same socket is refused with a sentence, and this one lives on.
-"$build/sst-sim" --quiet --join session -- "$build/sstd" --config sstd.yaml >other.log 2>&1
-rc=$?
-[ $rc -ne 0 ] && grep -q 'error.*c.sock\|error.*store' other.log || fail "a second service: exit $rc, $(cat other.log)"
-until_is 2 state 'v == "capturing"'
+second_service() {
+  "$build/sst-sim" --quiet --join session -- "$build/sstd" --config sstd.yaml >other.log 2>&1
+  rc=$?
+  [ $rc -ne 0 ] && grep -q 'error.*c.sock\|error.*store' other.log || fail "a second service: exit $rc, $(cat other.log)"
+  until_is 2 state 'v == "capturing"'
+}
+unmeasured second_service
 
 # kill -9 while recording: acknowledged sets are there, and it captures again in time.
 "$sst" record start >/dev/null || fail "record start"
