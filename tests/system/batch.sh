@@ -8,14 +8,14 @@ set -u
 writer=$root/${SST_BUILD:-build}/tests/tools/record_writer
 [ -x "$writer" ] || skip "$writer is not built; make tests"
 need libavformat
-record() { timeout 600 "$writer" write "$@" cameras=12 width=200 height=150 bytes=200000 views=world >/dev/null 2>err || fail "record $*: $(cat err)"; }
+record() { timeout 600 "$writer" write "$@" cameras=12 width=160 height=120 bytes=200000 views=world >/dev/null 2>err || fail "record $*: $(cat err)"; }
 batch() { timeout 600 "$sst" batch "$@" >out 2>err || fail "batch $*: $(cat err)"; }
 mkdir recs
-"$sst" scene pedestrian --size 200x150 --grid 2x6 -o world >/dev/null || fail "scene"
+"$sst" scene pedestrian --size 160x120 --grid 2x6 -o world >/dev/null || fail "scene"
 {
-  printf 'format: sst-calib\nversion: 1\nrows: 2\ncols: 6\nwidth: 200\nheight: 150\nreference: [0, 2]\ncameras:\n'
+  printf 'format: sst-calib\nversion: 1\nrows: 2\ncols: 6\nwidth: 160\nheight: 120\nreference: [0, 2]\ncameras:\n'
   for k in 0 1 2 3 4 5 6 7 8 9 10 11; do
-    printf '  - { row: %d, col: %d, name: S%03d, focal_px: [200.1, 200], centre_px: [99.5, 74.7], ' $((k / 6)) $((k % 6)) $k
+    printf '  - { row: %d, col: %d, name: S%03d, focal_px: [160.1, 160], centre_px: [79.5, 59.7], ' $((k / 6)) $((k % 6)) $k
     printf 'distortion: [-0.1, 0.02, 0, 0, 0], rotation: [1, 0, 0, 0, 1, 0, 0, 0, 1], position_mm: [%d.3, %d, 0] }\n' \
       $((40 * (k % 6) - 80)) $((40 * (k / 6)))
   done
@@ -94,7 +94,7 @@ grep -q "error: set 1 .* lacks 12" holes/logs/holes-000001.log || fail "log: $(c
 
 # --- what is asked for alone is written, and figures.csv has its line; what is finished is skipped ---
 [ "$(ls holes/holes-000002 | tr '\n' ' ')" = "clear.png figures.json " ] || fail "written: $(ls holes/holes-000002)"
-grep -q '^holes-000002,2,6,200,150,[0-9.]*,1,,,[-0-9.]*,[0-9.]*,[0-9.]*,[0-9.]*,,,,,$' holes/figures.csv || fail "figures: $(cat holes/figures.csv)"
+grep -q '^holes-000002,2,6,160,120,[0-9.]*,1,,,[-0-9.]*,[0-9.]*,[0-9.]*,[0-9.]*,,,,,$' holes/figures.csv || fail "figures: $(cat holes/figures.csv)"
 touch -d @1 holes/holes-000002/clear.png
 "$sst" batch recs/holes -o holes --preset preview --write clear >out 2>err && fail "failed ones are forgotten"
 [ "$(stat -c %Y holes/holes-000002/clear.png)" = 1 ] || fail "done again"

@@ -7,7 +7,7 @@ set -u
 python=${PYTHON:-/usr/bin/python3}
 "$python" -c 'import json' 2>/dev/null || skip "python3 is absent"
 
-"$sst" scene flight -o flight --size 320x256 --grid 1x16 -q >out 2>err || fail "scene: $(cat err)"
+"$sst" scene flight -o flight --size 320x256 --grid 1x12 -q >out 2>err || fail "scene: $(cat err)"
 "$sst" find flight --surface flight/truth/ground.obj -o finds --json >found.json 2>err || fail "find: $(cat err)"
 "$python" - <<'PY' || fail "finds differ from the walkers"
 import json, math
@@ -34,7 +34,7 @@ grep -q "median ([-+0-9. to]* degrees); of views levels 7000 to 7400 (6.9 to 22.
 grep -q '^ *1 *score' out || fail "nothing is found from above: $(cat out)"
 
 # Three moments of an array: walkers have their speed and heading.
-"$sst" scene forest -o walk --size 384x384 --grid 1x6 --moments 3 --cover 3 -q >out 2>err || fail "scene: $(cat err)"
+"$sst" scene forest -o walk --size 320x320 --grid 1x6 --moments 3 --cover 3 -q >out 2>err || fail "scene: $(cat err)"
 "$sst" find walk --surface walk/truth/ground.obj -o strip --json >walk.json 2>err || fail "find of moments: $(cat err)"
 "$python" - <<'PY' || fail "walkers have other paths: $(cat walk.json)"
 import json, math
@@ -63,7 +63,7 @@ refused() { # exit code, words of the sentence, arguments
   [ $r -eq "$code" ] && [ "$(grep -c error: err)" -eq 1 ] && grep -q "$words" err || fail "find $*: $r, $(cat err)"
 }
 refused 2 "exclude each other" flight --threshold 5 --alarms 2
-refused 3 "channels" walk flight
+refused 3 "channels" walk flight --surface plane:35
 refused 2 "not below" flight --least 3 --most 1
 refused 2 "neither ground" flight --surface hill
 refused 2 "is neither nadir nor a view" flight --view gone --surface plane:35

@@ -6,8 +6,8 @@
 set -u
 . "$(dirname "$0")/../lib.sh"
 
-"$sst" scene forest -o forest.lf --size 224x224 -q >out 2>err || fail "scene: $(cat err)"
-"$sst" scene flight -o flight.lf --size 160x128 -q >out 2>err || fail "scene: $(cat err)"
+"$sst" scene forest -o forest.lf --size 176x176 -q >out 2>err || fail "scene: $(cat err)"
+"$sst" scene flight -o flight.lf --size 160x128 --grid 1x12 -q >out 2>err || fail "scene: $(cat err)"
 terrain=forest.lf/truth/ground.obj
 
 for m in refocus see-through clear; do
