@@ -9,7 +9,7 @@ set -u
 need onednn
 validate
 
-"$sst" scene bush --size 160x120 -o world || exit 1
+"$sst" scene bush --size 160x120 --grid 1x2 -o world || exit 1
 
 # alike WHAT LABELS LABELS1 [PROBABILITIES PROBABILITIES1]: one label in a thousand may differ
 cat >alike.py <<'END'
@@ -57,13 +57,14 @@ device variant.json "d['conv8'] == 'net_conv8' and d['on_cpu'] == 0"
 SST_GPU_VARIANT=dots "$sst" segment "$view" $int8 --scale 0.3 -o variant.png --device dummy 2>&1 | grep -q 'unknown SST_GPU_VARIANT=dots' ||
   fail "segment, an unknown variant"
 want 3 'no device `GeForce`' segment "$view" --device GeForce -o bad.png
-views=(world/views/*)
+"$sst" scene bush --size 96x72 --grid 1x2 -o two || exit 1
+views=(two/views/*)
 "$sst" stereo "${views[0]}" "${views[1]}" -m 8 --cost mccnn -o pair.pfm || fail "stereo"
 "$sst" stereo "${views[0]}" "${views[1]}" -m 8 --cost mccnn --device lavapipe -o pair1.pfm 2>err || fail "stereo on lavapipe: $(cat err)"
 [ ! -s err ] || fail "stereo on lavapipe: $(cat err)"
 /usr/bin/python3 -c '
 import sys, numpy
-a, b = (numpy.frombuffer(open(f, "rb").read()[-160 * 120 * 4:], "<f4") for f in sys.argv[1:])
+a, b = (numpy.frombuffer(open(f, "rb").read()[-96 * 72 * 4:], "<f4") for f in sys.argv[1:])
 print(f"disparities: {(a != b).sum()} differ")
 sys.exit(int((abs(a - b) > 0.5).mean() > 1e-3))' pair.pfm pair1.pfm || fail "stereo on lavapipe: other disparities"
 want 2 'only the features' stereo "${views[0]}" "${views[1]}" -m 8 --cost census --device lavapipe -o bad.pfm
