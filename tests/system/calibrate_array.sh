@@ -111,10 +111,10 @@ want 3 "is of 2x3 cameras, not 3x2" calibrate boards.rec --board $board --grid 3
 
 [ -z "${SST_TEST_SMALL-}" ] || exit $failed # the same calibration once more
 # While the board is taken: camera 2 is knocked on the way.
-{ sed '/^board:/d; /^loop:/d' board.yaml; echo "board: { kind: charuco, squares: [9, 7], square_mm: 25, poses: 24 }"
-  echo "loop: { seconds: 4.8, rate_hz: 5 }"
-  echo "cameras: [{ camera: 2, moves: { at_pose: 12, rotation_deg: [0, 0.4, 0] } }]"; } >moved.yaml
-capture moved.yaml 26 moved.rec
+{ sed '/^board:/d; /^loop:/d' board.yaml; echo "board: { kind: charuco, squares: [9, 7], square_mm: 25, poses: 16 }"
+  echo "loop: { seconds: 3.2, rate_hz: 5 }"
+  echo "cameras: [{ camera: 2, moves: { at_pose: 8, rotation_deg: [0, 0.4, 0] } }]"; } >moved.yaml
+capture moved.yaml 18 moved.rec
 timeout 600 "$sst" calibrate moved.rec --board $board -o bad.yaml >out 2>err && fail "a camera that moved is not noticed"
 grep -qE '00_02|row 0, col 2|SIM0002' err || fail "the camera that moved is not named: $(cat err)"
 [ ! -e bad.yaml ] || fail "a calibration that was refused is there"

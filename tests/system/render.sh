@@ -5,7 +5,7 @@
 set -u
 . "$(dirname "$0")/../lib.sh"
 
-"$sst" scene bush --size 200x150 -o world || exit 1
+"$sst" scene bush --size 160x120 -o world || exit 1
 "$sst" import folder world/views --grid 6x6 --disparity world/truth --labels world/truth -o lf >/dev/null || exit 1
 focus=$(sed -n 's/^  "focus_px": \([0-9.]*\).*/\1/p' world/truth/truth.json | head -n 1)
 
