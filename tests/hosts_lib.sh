@@ -116,13 +116,14 @@ def node(name): return next(n for n in s['hosts']['nodes'] if n['name'] == name)
 def ended(f): return sum(f[k] for k in ('set', 'late', 'duplicate', 'stray', 'corrupt', 'flagged', 'dropped'))
 print(json.dumps($2))" 2>/dev/null
 }
-# await NAME PYTHON: until it is true; fails after a minute. How long it took in $took, ms
+# await NAME PYTHON: until it is true; fails after a minute. How long it took in $took, ms. $look: seconds between two looks, which
+# take processors
 await() {
   local start=$(date +%s%N) v
   while v=$(value_of "$1" "$2"); [ "$v" != true ]; do
     took=$((($(date +%s%N) - start) / 1000000))
     [ $took -lt 60000 ] || { fail "$1: not $2: $(value_of "$1" '[s["state"], s["reason"], s.get("hosts")]') $(tail -n 3 "$1.log")"; return 1; }
-    sleep 0.05
+    sleep "${look:-0.05}"
   done
   took=$((($(date +%s%N) - start) / 1000000))
 }

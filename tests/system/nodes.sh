@@ -8,6 +8,7 @@
 need libcurl
 need libgpiod
 . "$root/tests/hosts_lib.sh"
+[ -n "${SST_TIMING-}" ] || look=0.3
 trap 'kill $relay 2>/dev/null; end_hosts; rm -rf "$tmp"' EXIT
 clock[left]="1.5 0" clock[right]="-2.5 60"
 # Between left and the head is a network.

@@ -7,6 +7,7 @@
 need libcurl
 need libgpiod
 . "$root/tests/hosts_lib.sh"
+[ -n "${SST_TIMING-}" ] || look=0.3
 trap 'end_hosts; rm -rf "$tmp"' EXIT
 clock[right]="2 50"
 certificates
