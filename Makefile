@@ -90,11 +90,13 @@ OPT ?= $(if $(SAN),-O1 -g1,-O3 -g)
 # ... but for kernels, references of shaders and drawn scenes, in which sanitized tests would spend most of their time.
 ifneq (,$(SAN))
 $(BUILD)/obj/pipeline/kernels/%.o $(BUILD)/obj/pipeline/gpu/%.o $(BUILD)/obj/simulators/scene/%.o $(BUILD)/obj/simulators/flight/%.o: OPT = -O2 -g1
-endif
-# Scenes are constant while they are drawn, without variables that are shared: only the loops over bands and views are watched.
-ifneq (,$(findstring thread,$(SAN)))
+# Tests whose input is a drawn scene have it drawn as in the plain build, without a sanitizer. The address sanitizer watches all of it in
+# tests that tests/special.txt marks `draws`; the thread sanitizer needs the loops over bands and views alone, since scenes are constant
+# while they are drawn.
 DRAWING := $(filter-out %/layers.c %/write.c,$(wildcard simulators/scene/*.c simulators/flight/*.c))
-$(DRAWING:%.c=$(BUILD)/obj/%.o): SANFLAGS += -fno-sanitize=thread
+DRAWN_OBJ := $(DRAWING:%.c=$(BUILD)/obj/drawn/%.o)
+DRAWN_LIB := $(BUILD)/libsst-drawn.a
+DRAWS := $(if $(findstring thread,$(SAN)),,$(shell sed -nE 's,^([a-z_/]+) +draws.*,$(BUILD)/tests/\1,p' tests/special.txt))
 endif
 # KERNEL_OPT=FLAGS: of kernels alone.
 ifdef KERNEL_OPT
@@ -223,9 +225,16 @@ $(BUILD)/obj/%.o: %.c $(BUILD)/flags
 ifneq (,$(filter aarch64%,$(TARGET)))
 $(BUILD)/obj/simulators/scene/scene.o $(BUILD)/obj/pipeline/calibration/photometric/photometric_fit.o: private CFLAGS_ALL += -fno-tree-loop-vectorize
 endif
+$(DRAWN_OBJ): private OPT := -O3 -g1
+$(DRAWN_OBJ): private SANFLAGS :=
+$(DRAWN_OBJ): private TRAPPING := -fno-trapping-math
+$(DRAWN_OBJ): $(BUILD)/obj/drawn/%.o: %.c $(BUILD)/flags
+	@mkdir -p $(@D)
+	@echo "  CC   $< (drawn)"
+	@$(CC) $(CFLAGS_ALL) -c $< -o $@
 # Files that the assembler includes.
 $(BUILD)/obj/pipeline/calibration/report/report.o: pipeline/calibration/report/report.html
-$(BUILD)/obj/simulators/scene/models.o: simulators/scene/models.txt
+$(BUILD)/obj/simulators/scene/models.o $(BUILD)/obj/drawn/simulators/scene/models.o: simulators/scene/models.txt
 $(BUILD)/obj/publishers/mqtt/discovery.o: publishers/mqtt/entities.json
 $(BUILD)/obj/publishers/onvif/answers.o: publishers/onvif/answers.txt
 $(BUILD)/obj/simulators/devices/main.o: simulators/devices/help.txt
@@ -279,6 +288,9 @@ $(BUILD)/libsst.a: $(LIB_OBJ)
 $(BUILD)/libsst-sim.a: $(WORLD_OBJ)
 	@rm -f $@
 	@$(AR) rcs $@ $^
+$(DRAWN_LIB): $(DRAWN_OBJ) $(filter-out $(DRAWING:%.c=$(BUILD)/obj/%.o),$(WORLD_OBJ))
+	@rm -f $@
+	@$(AR) rcs $@ $^
 $(BUILD)/sst: $(CLI_OBJ) $(BUILD)/libsst-sim.a $(BUILD)/libsst.a
 	@echo "  LD   $@"
 	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) -o $@
@@ -329,9 +341,10 @@ $(BUILD)/libsst-sim-preload.so: $(PRELOAD_SRC) $(wildcard simulators/devices/*.h
 	@echo "  LD   $@"
 	@$(CC) -std=gnu11 -I. -O2 -g $(filter-out -fPIE -D_FORTIFY%,$(HARDEN)) -D_FORTIFY_SOURCE=2 -fPIC -shared -Wl,-z,relro,-z,now -fvisibility=hidden -pthread \
 	      $(CWARN) $(filter -f%-prefix-map=%,$(CFLAGS)) $(PRELOAD_SRC) $(filter -Wl%,$(LDFLAGS)) -ldl -o $@
-$(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(BUILD)/libsst-sim.a $(BUILD)/libsst.a | $(PLUGINS)
+$(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(DRAWN_LIB) $(BUILD)/libsst-sim.a $(BUILD)/libsst.a | $(PLUGINS)
 	@mkdir -p $(@D)
-	@$(CC) $(LDFLAGS_ALL) $^ $(LIBS) $(AV_LIBS) -lcmocka -o $@
+	@$(CC) $(LDFLAGS_ALL) $(filter-out $(other_world),$^) $(LIBS) $(AV_LIBS) -lcmocka -o $@
+other_world = $(if $(filter $@,$(DRAWS)),$(DRAWN_LIB),$(if $(DRAWN_LIB),$(BUILD)/libsst-sim.a))
 
 ifeq (1,$(WITH_RTSP))
 $(BUILD)/tests/unit/rtsp_jpeg: $(BUILD)/obj/publishers/rtsp/jpeg.o
@@ -625,4 +638,4 @@ help: ## this list
 clean: ## remove what was built
 	rm -rf build build-*
 
--include $(LIB_OBJ:.o=.d) $(BUILD)/obj/read/read.d $(SHIM_OBJ:.o=.d) $(VIDEO_OBJ:.o=.d) $(BUILD)/obj/drivers/still/lib_gphoto.d $(BUILD)/obj/drivers/genicam/lib_aravis.d $(WORLD_OBJ:.o=.d) $(BUILD)/obj/daemon/main.d $(BUILD)/obj/scripts/api_tables.d $(SIM_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(patsubst %.c,$(BUILD)/obj/%.d,$(wildcard tests/guest/*.c tests/tools/*.c tests/fuzz/*.c)) $(wildcard $(BUILD)/obj/tests/bench/*.d) $(HEADERS:%=$(BUILD)/headers/%.d)
+-include $(LIB_OBJ:.o=.d) $(BUILD)/obj/read/read.d $(SHIM_OBJ:.o=.d) $(VIDEO_OBJ:.o=.d) $(BUILD)/obj/drivers/still/lib_gphoto.d $(BUILD)/obj/drivers/genicam/lib_aravis.d $(WORLD_OBJ:.o=.d) $(DRAWN_OBJ:.o=.d) $(BUILD)/obj/daemon/main.d $(BUILD)/obj/scripts/api_tables.d $(SIM_OBJ:.o=.d) $(CLI_OBJ:.o=.d) $(TEST_SRC:%.c=$(BUILD)/obj/%.d) $(patsubst %.c,$(BUILD)/obj/%.d,$(wildcard tests/guest/*.c tests/tools/*.c tests/fuzz/*.c)) $(wildcard $(BUILD)/obj/tests/bench/*.d) $(HEADERS:%=$(BUILD)/headers/%.d)
