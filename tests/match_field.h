@@ -110,37 +110,65 @@ static inline void match_assert_equal(const struct sst_lightfield *a, const stru
     }
 }
 
-/* Match on a device and on the CPU, which must give the same bytes. @param device  cfg->runner */
+/* Maps that the CPU finds. */
+struct match_reference {
+    struct sst_lightfield lf; /* whose images are borrowed */
+    struct sst_disparity_report skipped;
+};
+
+static inline void match_on_cpu(struct match_reference *ref, const struct sst_lightfield *lf,
+                                const struct sst_disparity_config *cfg)
+{
+    const size_t views = (size_t)(lf->rows * lf->cols);
+    struct sst_disparity_config cpu = *cfg;
+
+    *ref = (struct match_reference){ .lf = *lf };
+    ref->lf.views = calloc(views, sizeof(*ref->lf.views));
+    assert_non_null(ref->lf.views);
+    for (size_t i = 0; i < views; i++) {
+        ref->lf.views[i] = lf->views[i];
+        ref->lf.views[i].disp = (struct sst_map_u16){ 0 };
+        ref->lf.views[i].confidence = (struct sst_map_u8){ 0 };
+    }
+    cpu.runner = NULL;
+    cpu.report = &ref->skipped;
+    assert_int_equal(sst_disparity_lightfield(&ref->lf, &cpu, NULL, NULL), 0);
+}
+
+static inline void match_reference_fini(struct match_reference *ref)
+{
+    for (int i = 0; i < ref->lf.rows * ref->lf.cols; i++) {
+        sst_map_u16_fini(&ref->lf.views[i].disp);
+        sst_map_u8_fini(&ref->lf.views[i].confidence);
+    }
+    free(ref->lf.views);
+}
+
+/* Match on a device, which must give the bytes of the CPU in the same way of matching. @param device  cfg->runner */
+static inline void match_compare_to(const struct match_reference *ref, struct sst_lightfield *lf,
+                                    const struct sst_disparity_config *cfg, struct sst_step_report *report)
+{
+    struct sst_disparity_report skipped;
+    struct sst_disparity_config gpu = *cfg;
+
+    gpu.report = &skipped;
+    assert_int_equal(sst_disparity_lightfield(lf, &gpu, NULL, NULL), 0);
+    assert_memory_equal(&ref->skipped, &skipped, sizeof(skipped));
+    if (cfg->report)
+        *cfg->report = skipped;
+    sst_disparity_device_report(cfg->runner, report);
+    match_assert_equal(lf, &ref->lf);
+}
+
+/* Match on a device and on the CPU. */
 static inline void match_compare(struct sst_lightfield *lf, const struct sst_disparity_config *cfg,
                                  struct sst_step_report *report)
 {
-    const size_t views = (size_t)(lf->rows * lf->cols);
-    struct sst_lightfield other = *lf;
-    struct sst_disparity_report skipped[2];
-    struct sst_disparity_config cpu = *cfg, gpu = *cfg;
+    struct match_reference ref;
 
-    other.views = calloc(views, sizeof(*other.views));
-    assert_non_null(other.views);
-    for (size_t i = 0; i < views; i++) {
-        other.views[i] = lf->views[i]; /* images are borrowed */
-        other.views[i].disp = (struct sst_map_u16){ 0 };
-        other.views[i].confidence = (struct sst_map_u8){ 0 };
-    }
-    cpu.runner = NULL;
-    cpu.report = &skipped[0];
-    gpu.report = &skipped[1];
-    assert_int_equal(sst_disparity_lightfield(&other, &cpu, NULL, NULL), 0);
-    assert_int_equal(sst_disparity_lightfield(lf, &gpu, NULL, NULL), 0);
-    assert_memory_equal(&skipped[0], &skipped[1], sizeof(skipped[0]));
-    if (cfg->report)
-        *cfg->report = skipped[1];
-    sst_disparity_device_report(cfg->runner, report);
-    match_assert_equal(lf, &other);
-    for (size_t i = 0; i < views; i++) {
-        sst_map_u16_fini(&other.views[i].disp);
-        sst_map_u8_fini(&other.views[i].confidence);
-    }
-    free(other.views);
+    match_on_cpu(&ref, lf, cfg);
+    match_compare_to(&ref, lf, cfg, report);
+    match_reference_fini(&ref);
 }
 
 /* Windows of disparities, tile by tile. */
@@ -190,7 +218,11 @@ static inline bool match_opens(const char *name)
 
 static inline int match_self_tests(void)
 {
-    return self_tests(match_opens);
+    static int dispatches;
+
+    if (!dispatches)
+        dispatches = self_tests(match_opens);
+    return dispatches;
 }
 
 #endif
