@@ -18,7 +18,7 @@
 #include "tests/small.h"
 #include "tests/test.h"
 
-#define SIDE   (small_level() >= 2 ? 96 : 160) /* pixels; matching takes long under the thread sanitizer */
+#define SIDE   (small_level() >= 2 ? 80 : 160) /* pixels; matching takes long under the thread sanitizer */
 #define VIEWS  10
 #define HIGH_M 40.0
 #define NEAR   25000.0
