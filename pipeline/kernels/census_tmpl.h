@@ -3,6 +3,54 @@
 #if defined(__aarch64__)
 #include "pipeline/kernels/arm/census_tmpl.h"
 #else
+#if defined(__AVX2__) && !defined(__AVX512BW__)
+/* Census of 32 pixels: bytes of the result from the highest down, the first of which has six bits, then one word of
+ * eight bytes a pixel. */
+static inline void KERNEL(census_32)(uint64_t *out, const uint8_t *const rows[7], size_t x)
+{
+    const __m256i centre = _mm256_loadu_si256((const __m256i *)(const void *)(rows[3] + x));
+    __m256i plane[8];
+
+#pragma GCC unroll 8
+    for (int i = 0; i < 8; i++) {
+        __m256i bits = _mm256_setzero_si256(); /* 1: not darker than the centre */
+
+#pragma GCC unroll 8
+        for (int bit = i ? 0 : 2; bit < 8; bit++) {
+            const int j = 8 * i + bit - 2, k = j + (j >= 31);
+            const __m256i p = _mm256_loadu_si256((const __m256i *)(const void *)(rows[k / 9] + x + k % 9 - 4));
+
+            bits = _mm256_sub_epi8(_mm256_add_epi8(bits, bits), _mm256_cmpeq_epi8(_mm256_max_epu8(p, centre), p));
+        }
+        plane[i] = _mm256_xor_si256(bits, _mm256_set1_epi8(i ? -1 : 0x3F));
+    }
+#pragma GCC unroll 4
+    for (int part = 0; part < 4; part++) { /* pixels 4 * part .. 4 * part + 3 of each half */
+        __m256i pair[4], four[2], low, high;
+
+        for (int i = 0; i < 4; i++)
+            pair[i] = part / 2 ? _mm256_unpackhi_epi8(plane[7 - 2 * i], plane[6 - 2 * i])
+                               : _mm256_unpacklo_epi8(plane[7 - 2 * i], plane[6 - 2 * i]);
+        for (int i = 0; i < 2; i++)
+            four[i] = part % 2 ? _mm256_unpackhi_epi16(pair[2 * i], pair[2 * i + 1])
+                               : _mm256_unpacklo_epi16(pair[2 * i], pair[2 * i + 1]);
+        low = _mm256_unpacklo_epi32(four[0], four[1]);
+        high = _mm256_unpackhi_epi32(four[0], four[1]);
+        _mm256_storeu_si256((__m256i *)(void *)(out + x + 4 * part), _mm256_permute2x128_si256(low, high, 0x20));
+        _mm256_storeu_si256((__m256i *)(void *)(out + x + 16 + 4 * part), _mm256_permute2x128_si256(low, high, 0x31));
+    }
+}
+
+static void KERNEL(census_row)(uint64_t *restrict out, const uint8_t *const rows[7], size_t n)
+{
+    if (n < 32) {
+        sst_census_row_ref(out, rows, n);
+        return;
+    }
+    for (size_t x = 0; x < n; x = x + 32 < n && n - x - 32 < 32 ? n - 32 : x + 32) /* the last ones overlap */
+        KERNEL(census_32)(out, rows, x);
+}
+#else
 /* Census: eight planes of bytes, so that comparisons and shifts fill wide lanes; the topmost holds the first six bits.
  */
 static void KERNEL(census_row)(uint64_t *restrict out, const uint8_t *const rows[7], size_t n)
@@ -36,6 +84,7 @@ static void KERNEL(census_row)(uint64_t *restrict out, const uint8_t *const rows
         rest[j] = rows[j] + start;
     sst_census_row_ref(out + start, rest, n - start);
 }
+#endif
 
 static void KERNEL(hamming_row)(uint8_t *restrict cost, const uint64_t *restrict a, const uint64_t *restrict b,
                                 size_t n)
