@@ -55,9 +55,14 @@ static int census_part(struct sst_descriptor *desc, int phase, struct sst_rect p
     return 0;
 }
 
+static size_t census_stride(const struct sst_descriptor *desc)
+{
+    return sst_mem_stride((size_t)desc->width, sizeof(uint64_t)) / sizeof(uint64_t);
+}
+
 static int make_census(struct sst_descriptor *desc, int phase)
 {
-    desc->census_stride = sst_mem_stride((size_t)desc->width, sizeof(uint64_t)) / sizeof(uint64_t);
+    desc->census_stride = census_stride(desc);
     desc->census[phase] = sst_mem_alloc_raw((size_t)desc->height * desc->census_stride, sizeof(uint64_t));
     return desc->census[phase] ? census_part(desc, phase, (struct sst_rect){ 0, 0, desc->width, desc->height })
                                : -ENOMEM;
@@ -92,6 +97,14 @@ int sst_descriptor_add_phases(struct sst_descriptor *desc, unsigned phases)
             err = make_census(desc, p);
     }
     return err;
+}
+
+int sst_descriptor_lend_census(struct sst_descriptor *desc, int phase, uint64_t *memory)
+{
+    desc->census_stride = census_stride(desc);
+    desc->census_lent = true;
+    desc->census[phase] = memory;
+    return census_part(desc, phase, (struct sst_rect){ 0, 0, desc->width, desc->height });
 }
 
 int sst_descriptor_add_census(struct sst_descriptor *desc)
@@ -157,7 +170,7 @@ void sst_descriptor_fini(struct sst_descriptor *desc)
         sst_image_fini(&desc->image);
     sst_map_u8_fini(&desc->luma);
     sst_map_u8_fini(&desc->seen);
-    for (int p = 0; p < SST_PHASES; p++)
+    for (int p = 0; p < SST_PHASES && !desc->census_lent; p++)
         sst_mem_free(desc->census[p]);
     sst_mem_free(desc->feature_memory);
     sst_mem_kept_fini(&desc->rows);

@@ -13,7 +13,8 @@
 #include "pipeline/method/disparity/disparity_internal.h"
 #include "pipeline/method/disparity/pair_internal.h"
 
-/* Memory limit of the cost volumes of views that are matched at once: of volumes that several threads can share, ... */
+/* Memory limit of the cost volumes of views that are matched at once: of volumes that several threads can share, with
+ * the census of views, ... */
 #define SHARED_BYTES ((size_t)3 << 29)
 /* ... and of others. */
 #define VOLUME_BYTES ((size_t)6 << 30)
@@ -269,8 +270,9 @@ static int finish_maps(struct disparity_run *run, int threads)
     return err;
 }
 
-/* Views at once, and threads for each. */
-static void count_workers(struct disparity_run *run, int threads)
+/* Views at once, and threads for each; views one by one, where their census needs a cache.
+ * @return bytes of the cache; 0: none */
+static size_t count_workers(struct disparity_run *run, int threads)
 {
     const struct sst_disparity_config *cfg = run->cfg;
     const size_t each = sst_volume_bytes(run->width, run->height, steps_of(run));
@@ -279,12 +281,22 @@ static void count_workers(struct disparity_run *run, int threads)
     const size_t bytes = cfg->memory ? cfg->memory : shared ? SHARED_BYTES : VOLUME_BYTES;
     const int most = cfg->frugal ? 1 : sst_min_int(run->nets ? run->networks : threads, run->lf->cols);
 
+    const bool bounded = shared && !cfg->runner && !(cfg->cost & SST_COST_MCCNN);
+    const size_t census = bounded ? run_census_bytes(run) : 0;
+
     run->workers = (int)(bytes / each) < most ? sst_max_int((int)(bytes / each), 1) : most;
-    run->inner = shared ? threads / run->workers : 1;
+    if ((size_t)run->workers * each + census <= bytes || census < bytes / 4) {
+        run->inner = shared ? threads / run->workers : 1;
+        return 0;
+    }
+    run->workers = 1;
+    run->inner = threads;
+    return bytes / 2 > each ? bytes / 2 - each : 1; /* more than half of all gains little */
 }
 
 static void free_volumes(struct disparity_run *run)
 {
+    run_free_census_cache(run);
     for (int i = 0; i < run->workers; i++)
         sst_volume_fini(&run->volumes[i]);
     for (int i = 0; i < run->workers * run->inner; i++)
@@ -293,12 +305,15 @@ static void free_volumes(struct disparity_run *run)
 
 static int make_volumes(struct disparity_run *run, int threads)
 {
+    size_t cache;
     int err = 0;
 
     free_volumes(run);
-    count_workers(run, threads);
+    cache = count_workers(run, threads);
     for (int i = 0; !err && i < run->workers; i++)
         err = run_make_volume(run, &run->volumes[i]);
+    if (!err && cache)
+        err = run_make_census_cache(run, cache);
     for (int i = 0; !err && run->inner > 1 && i < run->workers * run->inner; i++)
         err = sst_volume_share(&run->parts[i], &run->volumes[i / run->inner]);
     return err;
@@ -541,14 +556,10 @@ static int match_keys(struct disparity_run *run, int workers, sst_progress_fn *p
             err = make_volumes(run, sst_thread_count(run->cfg->threads));
         }
         run->others = true;
-        err = err ? err : run_match(run, workers, NULL, NULL);
-        run->others = false;
     } else if (!err && run->cfg->report) {
         run->cfg->report->views_error = error;
     }
-    err = err ? err : run_match(run, workers, progress, progress_arg);
-    run->others = !islessequal(error, run->cfg->key_error);
-    return err;
+    return err ? err : run_match(run, run->workers, progress, progress_arg);
 }
 
 /* Volumes of tiles, or of whole views where windows change too many disparities: foliage, whose gaps no coarse map has.

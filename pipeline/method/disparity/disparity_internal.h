@@ -24,7 +24,7 @@ struct disparity_run {
     struct sst_map_u8 *settled;    /* [views] of maps of a sweep in scene space: 255 where no other disparity is tested;
                                       NULL: there was none */
     bool *matched;                 /* [views] by the first pass */
-    bool others;                   /* the views that were to be carried are matched after all */
+    bool others;                   /* the views that were to be carried are matched after all, with the others */
     int rounds;                    /* of the second pass */
     bool subpixel;                 /* refine between pixels */
     int scale, width, height;      /* of the images that are matched */
@@ -44,6 +44,9 @@ struct disparity_run {
     struct sst_tiles *tiles;       /* [threads], [workers] in use */
     struct sst_lightfield *coarse; /* disparities at SST_COARSER times fewer pixels per side; NULL: not skip_ranges */
     double *searched;              /* [views] part of the disparities in the windows of its tiles, 0..1 */
+    struct census_cache *cache;    /* of descriptors; NULL: each has its own census */
+    const int *later;              /* [laters] views that are matched from now on, if there is a cache */
+    int laters;
     bool costs;                    /* descriptors need the census if it counts: some view is matched on the CPU */
 };
 
@@ -82,6 +85,26 @@ SST_MUST_CHECK int run_search_tiles(struct disparity_run *run, struct sst_tiles 
 /** Describe views and their neighbours, as far as matching these views needs it. @return 0 or -errno */
 SST_MUST_CHECK int run_describe_for(struct disparity_run *run, const int *view, int count, int threads);
 
+/** Note in run->need the phases that matching a view needs of it and of its neighbours. */
+void run_need_view(struct disparity_run *run, int view);
+
+/* --- census_cache.c: census of views that are matched one by one, in bounded memory --- */
+
+/** Bytes of the census of all views; run->need is undefined afterwards. */
+size_t run_census_bytes(struct disparity_run *run);
+
+/** Make run->cache for views that are matched in run->volumes[0]; more than `bytes` only where one view needs it.
+ * @return 0, -ENOMEM; run_free_census_cache() frees all, also after a failure */
+SST_MUST_CHECK int run_make_census_cache(struct disparity_run *run, size_t bytes);
+void run_free_census_cache(struct disparity_run *run);
+
+/** Choose which planes stay, and where those go that are missing. @param view  [count] that are matched, in this order;
+ * the first one now: run->need is its @return 0, -ENOMEM */
+SST_MUST_CHECK int run_place_census(struct disparity_run *run, const int *view, int count);
+
+/** Compute the missing planes of a view. Thread: any, one for each view. @return 0, -ENOMEM */
+SST_MUST_CHECK int run_compute_census(struct disparity_run *run, int view);
+
 /* --- features.c --- */
 
 /** Make the features of a view, unless there are any that serve: planes of the runner alone where that runs the network
@@ -112,8 +135,8 @@ void match_forget_unseen(struct sst_map_u16 *disp, const struct sst_map_u8 *seen
 /** Pixels and features of a view as they are matched. */
 void run_match_source(const struct disparity_run *run, int view, struct sst_plane_source *out);
 
-/** Describe and match all views that are not carried, or with `others` those, `threads` at a time. @return 0 or -errno
- */
+/** Describe and match all views that are not carried, or with `others` all, `threads` at a time; each once.
+ * @return 0 or -errno */
 SST_MUST_CHECK int run_match(struct disparity_run *run, int threads, sst_progress_fn *progress, void *progress_arg);
 
 /* --- scene_sweep.c: the sweep in scene space instead of matching --- */

@@ -9,6 +9,8 @@
 #include "pipeline/lightfield/share.h"
 #include "pipeline/method/disparity/disparity_internal.h"
 
+#define BLOCK 3 /* rows of views */
+
 /* --- a view on the CPU -------------------------------------------------------------------------------------------- */
 
 int run_search_tiles(struct disparity_run *run, struct sst_tiles *tiles, struct sst_volume *v, int view,
@@ -282,7 +284,10 @@ static int match_batch(void *arg, const int *index, int count)
         if (!run_has_neighbours(run, view[i])) /* unknown everywhere, filled from distant views below */
             memset(run->disp[view[i]].data, 0xFF, run->disp[view[i]].stride * (size_t)run->height);
     }
-    forget_far(run, view, count);
+    if (!run->cache)
+        forget_far(run, view, count);
+    run->later = p->view + index[0];
+    run->laters = p->count - index[0];
     run->costs = !run->cfg->runner;
     err = run_describe_for(run, view, count, b.describing);
     err = err ? err : sst_run(run->cfg->runner, &disparity_match_step, &b, run->lf->rows * run->lf->cols, &how);
@@ -309,14 +314,25 @@ static int init_maps(void *arg, int view, int worker SST_UNUSED)
     return err ? err : sst_map_u8_init(&run->confidence[view], run->width, run->height);
 }
 
+/* The i-th view, by BLOCK rows column by column: views that have neighbours in common are near each other. */
+static int in_blocks(const struct sst_lightfield *lf, int i)
+{
+    const int block = i / (BLOCK * lf->cols), first = BLOCK * block, rows = sst_min_int(BLOCK, lf->rows - first);
+    const int at = i - first * lf->cols;
+
+    return (first + at % rows) * lf->cols + at / rows;
+}
+
 int run_match(struct disparity_run *run, int threads, sst_progress_fn *progress, void *progress_arg)
 {
     const int views = run->lf->rows * run->lf->cols;
     struct pass m = { run, calloc((size_t)views, sizeof(*m.view)), 0, threads, progress, progress_arg };
     int err = m.view ? sst_parallel_for(views, threads, init_maps, run) : -ENOMEM;
 
-    for (int view = 0; m.view && view < views; view++) {
-        if (run->lf->views[view].present && !run->matched[view] && run_is_carried(run, view) == run->others)
+    for (int i = 0; m.view && i < views; i++) {
+        const int view = run->cache ? in_blocks(run->lf, i) : i;
+
+        if (run->lf->views[view].present && !run->matched[view] && (run->others || !run_is_carried(run, view)))
             m.view[m.count++] = view;
     }
     err = err ? err : sst_share_batches(run->cfg->share, m.count, threads, match_batch, &m, pass_maps);

@@ -26,6 +26,7 @@ struct sst_descriptor {
     uint64_t
         *census[SST_PHASES];  /* [height][census_stride] of the view sampled at (x, y) + phase, or NULL; see below */
     size_t census_stride;     /* elements */
+    bool census_lent;         /* the census is in memory of the caller */
     uint8_t *features;        /* [height][16][feature_stride / 4][4] (see sst_feature_cost_rows_fn), or NULL;
                                * feature_stride bytes before and after it are readable */
     size_t feature_stride;    /* bytes between groups of four channels of one row */
@@ -56,6 +57,10 @@ void sst_descriptor_fini(struct sst_descriptor *desc);
 
 /** Compute the census of more phases (bit p of `phases`); no-op for a descriptor without census. */
 SST_MUST_CHECK int sst_descriptor_add_phases(struct sst_descriptor *desc, unsigned phases);
+
+/** Compute the census of one phase of a descriptor that was initialised without costs, in the caller's memory: as many
+ * words as the view has pixels, in rows of a multiple of SST_ALIGN bytes. It must outlive its use. */
+SST_MUST_CHECK int sst_descriptor_lend_census(struct sst_descriptor *desc, int phase, uint64_t *memory);
 
 /** Compute the census of a descriptor that was initialised without costs, if it has none yet. */
 SST_MUST_CHECK int sst_descriptor_add_census(struct sst_descriptor *desc);

@@ -21,7 +21,7 @@ int run_describe(void *arg, int view, int worker)
     struct disparity_run *run = arg;
     const struct sst_view *v = &run->lf->views[view];
     struct sst_descriptor *desc = &run->desc[view];
-    const enum sst_cost census = run->costs ? (enum sst_cost)(run->cfg->cost & SST_COST_CENSUS) : (enum sst_cost)0;
+    const enum sst_cost census = run->costs && !run->cache ? (enum sst_cost)(run->cfg->cost & SST_COST_CENSUS) : (enum sst_cost)0;
     int err;
 
     if (!v->present || !run->need[view])
@@ -36,6 +36,8 @@ int run_describe(void *arg, int view, int worker)
     }
     if (!err && run->cfg->cost & SST_COST_MCCNN)
         err = run_add_features(run, view, run->nets ? run->nets[worker] : NULL);
+    if (run->cache)
+        return err ? err : run_compute_census(run, view);
     return err || run->cfg->frugal ? err : sst_descriptor_add_phases(desc, run->need[view]);
 }
 
@@ -67,8 +69,7 @@ bool run_has_neighbours(const struct disparity_run *run, int view)
     return has;
 }
 
-/* Note the phases that matching a view needs of its neighbours. */
-static void need_view(struct disparity_run *run, int view)
+void run_need_view(struct disparity_run *run, int view)
 {
     const struct sst_lightfield *lf = run->lf;
 
@@ -85,11 +86,14 @@ static void need_view(struct disparity_run *run, int view)
 int run_describe_for(struct disparity_run *run, const int *view, int count, int threads)
 {
     const int views = run->lf->rows * run->lf->cols;
+    int err = 0;
 
     memset(run->need, 0, (size_t)views * sizeof(*run->need));
     for (int i = 0; i < count; i++)
-        need_view(run, view[i]);
-    return sst_parallel_for(views, threads, run_describe, run);
+        run_need_view(run, view[i]);
+    if (run->cache)
+        err = run_place_census(run, run->later, run->laters);
+    return err ? err : sst_parallel_for(views, threads, run_describe, run);
 }
 
 /* Phases of a neighbour that one view alone needs. */
