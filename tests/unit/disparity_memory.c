@@ -1,5 +1,5 @@
-/* Memory of matching: views at fractional offsets, whose census has sixteen phases, stay within a limit and give the
- * maps that they give without one. */
+/* Memory of matching: views at fractional offsets, whose census has sixteen phases, stay within a limit, with the
+ * same maps as without. */
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <stdint.h>
@@ -72,8 +72,7 @@ static struct sst_lightfield matched(size_t memory)
 static void census_within_a_limit(void **state SST_UNUSED)
 {
     const size_t plane = sst_mem_stride(WIDTH, 8) * HEIGHT, volume = sst_volume_bytes(WIDTH, HEIGHT, STEPS);
-    /* Views and what they are matched with: all phases of twelve neighbours and the own one, a volume; maps of a view
-     * that take 16 bytes a pixel. */
+    /* A volume, all phases of twelve neighbours and the own census; maps of all views, 16 bytes a pixel. */
     const size_t bound = volume + (SST_PHASES * SST_MAX_NEIGHBOURS + 1) * plane + SIDE * SIDE * 16 * WIDTH * HEIGHT;
     const size_t census = SIDE * SIDE * SST_PHASES * plane, before = peak();
     struct sst_lightfield little = matched(1), much;

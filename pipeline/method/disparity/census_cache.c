@@ -1,7 +1,7 @@
 /*
- * Census of views that are matched one by one, where that of all views takes more memory than there may be: narrow
- * light fields with offsets of any fraction have up to 16 phases a view, of eight bytes a pixel each. Of the planes, as
- * many stay as may; evicted is the one that is used latest again.
+ * Census of views that are matched one by one, where the census of all views takes more memory than the limit: narrow
+ * light fields with offsets of any fraction have up to 16 phases a view, of eight bytes a pixel each. As many planes are
+ * kept as fit; the plane with the latest next use is evicted.
  */
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
@@ -22,7 +22,7 @@ struct census_slot {
     bool stale;      /* the plane is to be computed */
 };
 
-/* Of these slots the first ones last; the others lie in the sums of the volume, which end them when paths are summed. */
+/* The first slots last; the other slots lie in the sums of the volume, which overwrite them when paths are summed. */
 struct census_cache {
     uint64_t *memory;
     struct census_slot *slot;
@@ -160,7 +160,7 @@ static int used_next(const struct disparity_run *run, const struct census_slot *
     return slot->view < 0 ? NEVER : is_needed(run, slot) ? -1 : run->cache->next[slot->view][slot->phase];
 }
 
-/* The slot for a plane: one that lasts, if its plane is used later than this one. */
+/* The slot for a plane: a lasting one, if its plane is used later than this plane. */
 static struct census_slot *choose_slot(const struct disparity_run *run, int next)
 {
     const struct census_cache *c = run->cache;

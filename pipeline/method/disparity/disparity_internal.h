@@ -98,7 +98,7 @@ size_t run_census_bytes(struct disparity_run *run);
 SST_MUST_CHECK int run_make_census_cache(struct disparity_run *run, size_t bytes);
 void run_free_census_cache(struct disparity_run *run);
 
-/** Choose which planes stay, and where those go that are missing. @param view  [count] that are matched, in this order;
+/** Choose the planes that stay, and places for missing planes. @param view  [count] that are matched, in this order;
  * the first one now: run->need is its @return 0, -ENOMEM */
 SST_MUST_CHECK int run_place_census(struct disparity_run *run, const int *view, int count);
 
