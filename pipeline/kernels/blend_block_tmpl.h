@@ -132,6 +132,7 @@ static inline simd_f32 KERNEL(blend_disp)(const uint16_t *p)
 }
 
 #define BLEND_BLOCK   (2 * BLEND_HALF)
+#define BLEND_LINE    64                                                  /* pixels of a line of cache */
 #define BLEND_ALL     UINT32_MAX                                          /* blend_bits() of all pixels */
 #define BLEND_UNKNOWN ((SST_BLEND_COLUMNS - 1) << SST_BLEND_COLUMN_SHIFT) /* and above: the last column of W_s */
 
@@ -159,12 +160,12 @@ static inline struct KERNEL(blend_taps) KERNEL(blend_set_taps)(const struct sst_
 }
 
 /* Colours of half a block. */
-static inline simd_s32 KERNEL(blend_colours)(const struct sst_blend *b, int c, size_t x, int half,
+static inline simd_s32 KERNEL(blend_colours)(const uint8_t *top, const uint8_t *bottom, int half,
                                              const struct KERNEL(blend_taps) * t)
 {
-    const SIMD_INT top = SIMD_OP(madd_epi16)((SIMD_INT)KERNEL(blend_pairs)(b->top[c] + x, half), (SIMD_INT)t->top);
+    const SIMD_INT upper = SIMD_OP(madd_epi16)((SIMD_INT)KERNEL(blend_pairs)(top, half), (SIMD_INT)t->top);
 
-    return KERNEL(blend_dot)((simd_s32)top, KERNEL(blend_pairs)(b->bottom[c] + x, half), t->bottom);
+    return KERNEL(blend_dot)((simd_s32)upper, KERNEL(blend_pairs)(bottom, half), t->bottom);
 }
 
 /* W_s of a block with an irregular label or unknown disparities, one by one. */
@@ -193,8 +194,9 @@ static inline void KERNEL(blend_one_label)(struct KERNEL(blend_weights) * w, con
     }
 }
 
-/* W_s of a block with several labels, one after the other. */
-static __attribute__((noinline)) struct KERNEL(blend_weights)
+/* W_s of a block, one label after the other: foliage changes so often that a branch for blocks of one label costs
+ * more. */
+static inline __attribute__((always_inline)) struct KERNEL(blend_weights)
     KERNEL(blend_some_labels)(const struct sst_blend *b, size_t x)
 {
     struct KERNEL(blend_weights) w = { { { 0 } } };
@@ -218,16 +220,10 @@ static __attribute__((noinline)) struct KERNEL(blend_weights)
 static inline struct KERNEL(blend_weights) KERNEL(blend_block_labels)(const struct sst_blend *b, size_t x)
 {
     const struct sst_blend_range *r = &b->range[b->label[x]];
-    const KERNEL(blend_where) of = KERNEL(blend_labelled)(b->label + x, b->label[x]);
-    struct KERNEL(blend_weights) w;
 
     if (r->ranges > SST_BLEND_RANGES || KERNEL(blend_bits)(KERNEL(blend_within)(b->disp + x, BLEND_UNKNOWN, 16)))
         return KERNEL(blend_label_table)(b, x);
-    if (KERNEL(blend_bits)(of) != BLEND_ALL)
-        return KERNEL(blend_some_labels)(b, x);
-    w.half[0] = w.half[1] = simd_set_f32(r->outside);
-    KERNEL(blend_one_label)(&w, b, r, of, x);
-    return w;
+    return KERNEL(blend_some_labels)(b, x);
 }
 
 /* A W_s W_d of a block. */
@@ -262,8 +258,7 @@ static inline __attribute__((always_inline)) struct KERNEL(blend_weights)
         for (int i = 3; i >= 0; i--)
             p = p * r + b->power[i];
         p = (simd_f32)((simd_u32)p - ((simd_u32)m << 23)); /* times a power of 2 */
-        if (bits != BLEND_ALL)
-            p = KERNEL(blend_select)(near, half, p, simd_set_f32(0));
+        p = KERNEL(blend_select)(near, half, p, simd_set_f32(0));
         w.half[half] *= p + c1;
     }
     return w;
@@ -294,7 +289,8 @@ static inline void KERNEL(blend_rays_block)(float *const acc[4], const struct ss
 
         KERNEL(blend_increase)(acc[3] + at, of);
         for (int c = 0; c < 3; c++)
-            KERNEL(blend_increase)(acc[c] + at, of * KERNEL(blend_float)(KERNEL(blend_colours)(b, c, x, half, t)));
+            KERNEL(blend_increase)
+        (acc[c] + at, of * KERNEL(blend_float)(KERNEL(blend_colours)(b->top[c] + x, b->bottom[c] + x, half, t)));
     }
 }
 
@@ -315,43 +311,76 @@ static void KERNEL(blend_rays)(float *const acc[4], const struct sst_blend *b, s
         KERNEL(blend_rays_block)(to, &of, n - BLEND_BLOCK, &t, x - (n - BLEND_BLOCK));
 }
 
-/* A block, without its first `done` pixels. */
-static inline void KERNEL(blend_plain_block)(int32_t *const sum[3], float *count, const struct sst_blend *b, size_t x,
-                                             const struct KERNEL(blend_taps) * t, size_t done)
+/* Add whole blocks of one colour of some views: sums stay in registers from view to view. One colour at a time: rows of
+ * its planes are few enough for the ways of a first level of cache, in which rows of all three would displace each
+ * other. */
+static inline __attribute__((always_inline)) void KERNEL(blend_plain_colour)(int32_t *sum, const struct sst_blend *b,
+                                                                             const struct KERNEL(blend_taps) * t, int c,
+                                                                             int views, size_t n)
 {
-    for (int half = 0; half < 2; half++) {
-        const simd_s32 undone = done ? KERNEL(blend_undone)(done, half) : simd_set_s32(-1);
-        const size_t at = x + (size_t)half * BLEND_HALF;
-        const struct KERNEL(blend_taps) of = {
-            done ? t->top & undone : t->top,
-            done ? t->bottom & undone : t->bottom,
-        };
+    const uint8_t *top[SST_BLEND_VIEWS], *bottom[SST_BLEND_VIEWS];
+    struct KERNEL(blend_taps) tap[SST_BLEND_VIEWS];
+    size_t below[SST_BLEND_VIEWS];
 
-        KERNEL(blend_increase)(count + at, KERNEL(blend_mask)(simd_set_f32(1), undone));
-        for (int c = 0; c < 3; c++) {
-            const simd_s32 was = simd_load_s32(sum[c] + at);
-            const simd_s32 top = KERNEL(blend_dot)(was, KERNEL(blend_pairs)(b->top[c] + x, half), of.top);
+    for (int k = 0; k < views; k++) {
+        below[k] = b[k].below;
+        top[k] = b[k].top[c];
+        bottom[k] = b[k].bottom[c];
+        tap[k] = t[k];
+    }
+    for (size_t x = 0; x + BLEND_BLOCK <= n; x += BLEND_BLOCK) {
+        for (int k = 0; k < views && x % BLEND_LINE == 0; k++)
+            __builtin_prefetch((const void *)((uintptr_t)bottom[k] + below[k] + x), 0, 2); /* maybe past the end */
+        for (int half = 0; half < 2; half++) {
+            simd_s32 s = simd_load_s32(sum + x + half * BLEND_HALF);
 
-            simd_store_s32(sum[c] + at, KERNEL(blend_dot)(top, KERNEL(blend_pairs)(b->bottom[c] + x, half), of.bottom));
+            for (int k = 0; k < views; k++) {
+                s = KERNEL(blend_dot)(s, KERNEL(blend_pairs)(top[k] + x, half), tap[k].top);
+                s = KERNEL(blend_dot)(s, KERNEL(blend_pairs)(bottom[k] + x, half), tap[k].bottom);
+            }
+            simd_store_s32(sum + x + half * BLEND_HALF, s);
         }
     }
 }
 
-static void KERNEL(blend_plain)(int32_t *const sum[3], float *count, const struct sst_blend *b, size_t n)
+/* The last block of a run, without the pixels that whole ones have done. */
+static inline void KERNEL(blend_plain_rest)(int32_t *sum, const struct sst_blend *b,
+                                            const struct KERNEL(blend_taps) * t, int c, int views, size_t n)
 {
-    const struct KERNEL(blend_taps) t = KERNEL(blend_set_taps)(b);
-    const struct sst_blend of = *b;
-    int32_t *const to[3] = { sum[0], sum[1], sum[2] };
-    size_t x = 0;
+    const size_t x = n - BLEND_BLOCK, done = n / BLEND_BLOCK * BLEND_BLOCK - x;
+
+    for (int half = 0; half < 2; half++) {
+        const simd_s32 undone = KERNEL(blend_undone)(done, half);
+        simd_s32 s = simd_load_s32(sum + x + half * BLEND_HALF);
+
+        for (int k = 0; k < views; k++) {
+            s = KERNEL(blend_dot)(s, KERNEL(blend_pairs)(b[k].top[c] + x, half), t[k].top & undone);
+            s = KERNEL(blend_dot)(s, KERNEL(blend_pairs)(b[k].bottom[c] + x, half), t[k].bottom & undone);
+        }
+        simd_store_s32(sum + x + half * BLEND_HALF, s);
+    }
+}
+
+static void KERNEL(blend_plain)(int32_t *const sum[3], float *count, const struct sst_blend *b, int views, size_t n)
+{
+    struct KERNEL(blend_taps) t[SST_BLEND_VIEWS];
 
     if (n < BLEND_BLOCK) {
-        KERNEL(blend_plain_parts)(sum, count, b, n);
+        KERNEL(blend_plain_parts)(sum, count, b, views, n);
         return;
     }
-    for (; x + BLEND_BLOCK <= n; x += BLEND_BLOCK)
-        KERNEL(blend_plain_block)(to, count, &of, x, &t, 0);
-    if (x < n)
-        KERNEL(blend_plain_block)(to, count, &of, n - BLEND_BLOCK, &t, x - (n - BLEND_BLOCK));
+    for (int k = 0; k < views; k++)
+        t[k] = KERNEL(blend_set_taps)(&b[k]);
+    for (size_t x = 0; x < n; x++)
+        count[x] += (float)views;
+    for (int c = 0; c < 3; c++) {
+        if (views == SST_BLEND_VIEWS)
+            KERNEL(blend_plain_colour)(sum[c], b, t, c, SST_BLEND_VIEWS, n);
+        for (int k = 0; k < views && views < SST_BLEND_VIEWS; k++)
+            KERNEL(blend_plain_colour)(sum[c], b + k, t + k, c, 1, n);
+        if (n % BLEND_BLOCK)
+            KERNEL(blend_plain_rest)(sum[c], b, t, c, views, n);
+    }
 }
 
 static void KERNEL(blend_take)(uint8_t *const colour[3], float *weight, const struct sst_blend *b, size_t n)
@@ -373,13 +402,15 @@ static void KERNEL(blend_take)(uint8_t *const colour[3], float *weight, const st
             for (int c = 0; c < 3; c++)
                 KERNEL(blend_bytes)
             (colour[c] + at,
-             (KERNEL(blend_colours)(b, c, from, half, &t) + SST_BLEND_LEVEL / 2) >> SST_BLEND_LEVEL_BITS);
+             (KERNEL(blend_colours)(b->top[c] + from, b->bottom[c] + from, half, &t) + SST_BLEND_LEVEL / 2) >>
+                 SST_BLEND_LEVEL_BITS);
         }
     }
 }
 
 #undef BLEND_HALF
 #undef BLEND_BLOCK
+#undef BLEND_LINE
 #undef BLEND_ALL
 #undef BLEND_BITS
 #undef BLEND_UNKNOWN

@@ -1,8 +1,9 @@
 /* blend_rays, blend_plain, blend_take, blend_support.
  *
  * With AVX2 and AVX-512 a block of pixels stays in registers from the bytes of the view to the sums. Blocks that begin
- * less than a block before the end are done at n - BLOCK, with weight 0 for pixels that already are: adding 0 changes no
- * sum. Other processors, and runs shorter than a block, do stretches of BLEND_PART pixels with one pass per quantity. */
+ * less than a block before the end are done at n - BLOCK, with weight 0 for pixels that already are: adding 0 changes
+ * no sum. Other processors, and runs shorter than a block, do stretches of BLEND_PART pixels with one pass per
+ * quantity. */
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/exp_neg.h"
@@ -17,7 +18,8 @@ static inline void KERNEL(blend_colour)(int32_t *restrict out, const struct sst_
     const int16_t w0 = b->tap[0], w1 = b->tap[1], w2 = b->tap[2], w3 = b->tap[3];
 
     for (size_t x = 0; x < n; x++)
-        out[x] = (int16_t)top[x] * w0 + (int16_t)top[x + 1] * w1 + (int16_t)bottom[x] * w2 + (int16_t)bottom[x + 1] * w3;
+        out[x] =
+            (int16_t)top[x] * w0 + (int16_t)top[x + 1] * w1 + (int16_t)bottom[x] * w2 + (int16_t)bottom[x + 1] * w3;
 }
 
 /* w holds W_s and becomes A W_s W_d. */
@@ -130,13 +132,15 @@ static inline void KERNEL(blend_rays_parts)(float *const acc[4], const struct ss
     }
 }
 
-static inline void KERNEL(blend_plain_parts)(int32_t *const sum[3], float *count, const struct sst_blend *b,
+static inline void KERNEL(blend_plain_parts)(int32_t *const sum[3], float *count, const struct sst_blend *b, int views,
                                              size_t n)
 {
-    for (size_t x = 0; x < n; x += BLEND_PART) {
-        const struct sst_blend part = KERNEL(blend_from)(b, x);
+    for (int k = 0; k < views; k++) {
+        for (size_t x = 0; x < n; x += BLEND_PART) {
+            const struct sst_blend part = KERNEL(blend_from)(&b[k], x);
 
-        KERNEL(blend_plain_part)(sum, count, x, &part, KERNEL(blend_part)(n - x));
+            KERNEL(blend_plain_part)(sum, count, x, &part, KERNEL(blend_part)(n - x));
+        }
     }
 }
 
@@ -163,9 +167,9 @@ static void KERNEL(blend_rays)(float *const acc[4], const struct sst_blend *b, s
     KERNEL(blend_rays_parts)(acc, b, n);
 }
 
-static void KERNEL(blend_plain)(int32_t *const sum[3], float *count, const struct sst_blend *b, size_t n)
+static void KERNEL(blend_plain)(int32_t *const sum[3], float *count, const struct sst_blend *b, int views, size_t n)
 {
-    KERNEL(blend_plain_parts)(sum, count, b, n);
+    KERNEL(blend_plain_parts)(sum, count, b, views, n);
 }
 #endif
 

@@ -448,6 +448,7 @@ typedef void sst_subpixel_plane_row_fn(float *disp, float *const slope[2], const
 /* --- rendering (pipeline/method/render/) --- */
 
 #define SST_BLEND_MAX          2048 /* pixels that one call of a blend kernel takes at most */
+#define SST_BLEND_VIEWS        4    /* views that one call of blend_plain takes at most */
 #define SST_BLEND_COLUMNS      4096 /* columns of the table of label weights: stored disparity / 16, 1/4 px each */
 #define SST_BLEND_COLUMN_SHIFT 4
 #define SST_BLEND_FLOOR        1e-28f /* smaller weight sums are invalid */
@@ -485,6 +486,7 @@ struct sst_blend_range {
 struct sst_blend {
     const uint8_t *top[3], *bottom[3]; /* R, G, B of the two source rows, n + 1 pixels readable in each */
     int16_t tap[4];                    /* sst_blend_set_taps(): of top[x], top[x + 1], bottom[x], bottom[x + 1] */
+    size_t below;                      /* bytes from `bottom` to a row that is wanted soon; 0: none */
     /* not for blend_plain */
     float aperture;                      /* weight of the view */
     const uint16_t *disp;                /* nearest pixel, n of them; 0xFFFF: unknown. NULL: W_s = W_d = 1 */
@@ -505,8 +507,8 @@ struct sst_blend {
  */
 typedef void sst_blend_rays_fn(float *const acc[4], const struct sst_blend *b, size_t n);
 
-/** sum += C, count += 1: plain refocusing. 512 views fit. */
-typedef void sst_blend_plain_fn(int32_t *const sum[3], float *count, const struct sst_blend *b, size_t n);
+/** sum += C, count += 1 of each view: plain refocusing. 512 views fit. @param b  in [views], 1..SST_BLEND_VIEWS */
+typedef void sst_blend_plain_fn(int32_t *const sum[3], float *count, const struct sst_blend *b, int views, size_t n);
 
 /** out = sum / SST_BLEND_LEVEL / (weight + SST_BLEND_TINY) to the nearest value. sum <= 255 SST_BLEND_LEVEL weight but
  *  for rounding. */

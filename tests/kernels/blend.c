@@ -134,18 +134,23 @@ static void check_level(const struct sst_kernels *k, size_t n, const struct weig
 {
     for (int plain = 0; plain < 2; plain++) {
         const struct accumulators want = guard_accumulators(n, NULL), got = guard_accumulators(n, &want);
-        const struct sst_blend b = random_blend(n, weights);
+        const int views = plain ? 1 + (int)(sst_random_u64(&seed) % SST_BLEND_VIEWS) : 1;
+        struct sst_blend b[SST_BLEND_VIEWS];
 
+        for (int v = 0; v < views; v++) {
+            b[v] = random_blend(n, weights);
+            b[v].below = sst_random_u64(&seed) % 2 ? 4096 : 0;
+        }
         if (plain) {
-            sst_blend_plain_ref(want.sum, want.row[3], &b, n);
-            k->blend_plain(got.sum, got.row[3], &b, n);
+            sst_blend_plain_ref(want.sum, want.row[3], b, views, n);
+            k->blend_plain(got.sum, got.row[3], b, views, n);
         } else {
-            sst_blend_rays_ref(want.row, &b, n);
-            k->blend_rays(got.row, &b, n);
+            sst_blend_rays_ref(want.row, b, n);
+            k->blend_rays(got.row, b, n);
         }
         for (int c = 0; c < 4; c++) {
             if (memcmp(got.row[c], want.row[c], n * sizeof(float)))
-                fail_msg("n=%zu level=%s plain=%d row=%d", n, level, plain, c);
+                fail_msg("n=%zu level=%s plain=%d views=%d row=%d", n, level, plain, views, c);
         }
         guard_free_all();
     }
@@ -288,7 +293,7 @@ static void reference_is_the_formula(void **state SST_UNUSED)
     sst_blend_rays_ref(acc, &b, 1);
     assert_true(fabs(w - 0.4) < 1e-6);
     w = 0;
-    sst_blend_plain_ref(sum, &w, &b, 1);
+    sst_blend_plain_ref(sum, &w, &b, 1, 1);
     assert_true(w == 1 && sums[0] == 1 + 35 * SST_BLEND_LEVEL && sums[2] == 35 * SST_BLEND_LEVEL);
 }
 

@@ -10,7 +10,7 @@
 #include "simulators/scene/noise.h"
 #include "tests/test.h"
 
-#define GUARDS_MAX 32
+#define GUARDS_MAX 48
 
 static struct {
     void *map;

@@ -14,8 +14,6 @@
 #include "pipeline/method/render/render_internal.h"
 #include "pipeline/method/render/verify.h"
 
-#define TOGETHER 4 /* views whose rays are summed before the next row */
-
 _Static_assert(SST_BLEND_MAX <= SST_SAMPLE_MAX, "a run of rays is sampled in one go");
 
 void sst_render_config_defaults(struct sst_render_config *cfg)
@@ -169,6 +167,7 @@ static void set_colours(struct sst_blend *b, const struct sst_render_tap *t, int
         b->top[c] = sst_image_row(&t->v->image, c, y + t->iy) + from + t->ix;
         b->bottom[c] = t->fy > 0 ? b->top[c] + t->v->image.stride : b->top[c];
     }
+    b->below = t->v->image.stride;
     sst_blend_set_taps(b->tap, t->fx, t->fy);
 }
 
@@ -188,7 +187,7 @@ static void blend(const struct render_sink *s, int skip, const struct sst_render
         if (s->plain) {
             int32_t *const at[3] = { s->sum[0] + skip, s->sum[1] + skip, s->sum[2] + skip };
 
-            k->blend_plain(at, s->count + skip, b, (size_t)(to - from));
+            k->blend_plain(at, s->count + skip, b, 1, (size_t)(to - from));
         } else if (!s->support_only) {
             float *const at[4] = { s->acc[0] + skip, s->acc[1] + skip, s->acc[2] + skip, s->acc[3] + skip };
 
@@ -262,6 +261,55 @@ void render_add_view(const struct render_sink *s, const struct sst_render_plan *
         add_run(s, p, t, x, from, end, y);
 }
 
+/* Columns of row y that all of SST_BLEND_VIEWS views have. @return false: there are none, or a view is a raw frame or has
+ * invalid pixels */
+static bool common_columns(const struct sst_render_tap *t, int *from, int *to, int y)
+{
+    for (int k = 0; k < SST_BLEND_VIEWS; k++) {
+        if (t[k].sampler || t[k].v->valid.data || y < t[k].y0 || y >= t[k].y1)
+            return false;
+        *from = sst_max_int(*from, t[k].x0);
+        *to = sst_min_int(*to, t[k].x1);
+    }
+    return *from < *to;
+}
+
+/* Pixels x .. x + n of row y. */
+struct stretch {
+    int x, n, y;
+};
+
+/* Add the plain rays of SST_BLEND_VIEWS views: at once where all have them, one view after the other beside that. */
+static void add_plain_views(const struct render_sink *s, const struct sst_render_plan *p,
+                            const struct sst_render_tap *t, struct stretch at)
+{
+    const int x = at.x, n = at.n, y = at.y;
+    struct sst_blend b[SST_BLEND_VIEWS];
+    int from = x, to = x + n;
+    const bool common = common_columns(t, &from, &to, y);
+
+    for (int k = 0; k < SST_BLEND_VIEWS && !common; k++)
+        render_add_view(s, p, &t[k], x, n, y);
+    if (!common)
+        return;
+    for (int k = 0; k < SST_BLEND_VIEWS; k++) {
+        const int first = sst_max_int(x, t[k].x0), end = sst_min_int(x + n, t[k].x1);
+
+        if (first < from)
+            add_run(s, p, &t[k], x, first, from, y);
+        if (to < end)
+            add_run(s, p, &t[k], x, to, end, y);
+        b[k] = p->blend;
+        set_maps(&b[k], p, &t[k], from, y, true);
+        set_colours(&b[k], &t[k], from, y);
+        if (s->support)
+            add_support(s, from - x, p, &b[k], to - from);
+    }
+    sst_kernels_get()->blend_plain(
+        (int32_t *const[3]){ s->sum[0] + from - x, s->sum[1] + from - x, s->sum[2] + from - x }, s->count + from - x, b,
+        SST_BLEND_VIEWS, (size_t)(to - from));
+}
+
 const struct sst_blend *render_read_ahead(struct sst_blend *b, const struct sst_render_plan *p,
                                           const struct sst_render_tap *t, int x, int n, int y, bool plain)
 {
@@ -317,8 +365,8 @@ struct sums {
     } of[4];
 };
 
-/* n pixels of the rows from y on, n at most SST_BLEND_MAX: a few views at a time, whose rows then are few streams from
- * memory and long ones. @param weight  out, sums of weights @param support  out, or NULL */
+/* n pixels of the rows from y on, n at most SST_BLEND_MAX: SST_BLEND_VIEWS views at a time, whose rows then are few
+ * streams from memory and long ones. @param weight  out, sums of weights @param support  out, or NULL */
 static void render_rows(const struct render_picture *pic, float (*weight)[SST_BLEND_MAX],
                         uint8_t (*support)[SST_BLEND_MAX], int x, int n, int y, int rows)
 {
@@ -339,10 +387,14 @@ static void render_rows(const struct render_picture *pic, float (*weight)[SST_BL
         if (support)
             memset(support[i], 0, (size_t)n);
     }
-    for (int first = 0; first < p->count; first += TOGETHER) {
-        const int end = sst_min_int(first + TOGETHER, p->count);
+    for (int first = 0; first < p->count; first += SST_BLEND_VIEWS) {
+        const int end = sst_min_int(first + SST_BLEND_VIEWS, p->count);
 
         for (int i = 0; i < rows; i++) {
+            if (p->summed && end - first == SST_BLEND_VIEWS) {
+                add_plain_views(&s[i], p, &p->tap[first], (struct stretch){ x, n, y + i });
+                continue;
+            }
             for (int k = first; k < end; k++)
                 render_add_view(&s[i], p, &p->tap[k], x, n, y + i);
         }
