@@ -261,8 +261,8 @@ void render_add_view(const struct render_sink *s, const struct sst_render_plan *
         add_run(s, p, t, x, from, end, y);
 }
 
-/* Columns of row y that all of SST_BLEND_VIEWS views have. @return false: there are none, or a view is a raw frame or has
- * invalid pixels */
+/* Columns of row y that all of SST_BLEND_VIEWS views have. @return false: there are none, or a view is a raw frame or
+ * has invalid pixels */
 static bool common_columns(const struct sst_render_tap *t, int *from, int *to, int y)
 {
     for (int k = 0; k < SST_BLEND_VIEWS; k++) {
