@@ -25,6 +25,7 @@ void *sst_plugin_symbol(const char *name, const char *symbol, char why[256])
     snprintf(why, 256, "libsst-%s.so is neither beside the program nor in ../" SST_PLUGINDIR "%s", name,
              !strcmp(name, "opencv") ? "; Debian's package sst-opencv has it"
              : !strcmp(name, "aravis") ? "; Debian's package sst-genicam has it"
+             : !strcmp(name, "video")  ? "; Debian's package sst-video has it"
                                        : "");
     for (size_t i = 0; i < ARRAY_LEN(folders) && !library; i++) {
         (void)snprintf(path, sizeof(path), "%s%slibsst-%s.so", exe, folders[i], name);

@@ -19,7 +19,7 @@ static void load(void)
 
     library = dlopen(name, RTLD_NOW | RTLD_LOCAL);
     if (!library)
-        sst_log_error("recording needs FFmpeg: %s", dlerror());
+        sst_log_error("recordings need FFmpeg: %s; Debian's package sst-video brings it", dlerror());
 }
 
 static void *find(const char *name)

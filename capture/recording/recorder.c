@@ -227,10 +227,7 @@ int sst_recorder_open(struct sst_recorder **out, const struct sst_recorder_confi
     struct sst_recorder *r;
     int err = check_config(cfg);
 
-#if !WITH_AVFORMAT
-    sst_log_error("this build has no libavformat, so it cannot record; build it with libavformat");
-    err = err ? err : -ENOTSUP;
-#endif
+    err = err ? err : segment_possible();
     if (err)
         return err;
     r = calloc(1, sizeof(*r));

@@ -162,6 +162,9 @@ struct segment_file { /* one thread at a time */
 /** Largest frame, bytes: fits one block. */
 #define SST_SEGMENT_FRAME_MAX ((size_t)1 << 30)
 
+/** @return 0, or -ENOTSUP, logged: FFmpeg's libraries are missing, here or in the build */
+SST_MUST_CHECK int segment_possible(void);
+
 /**
  * Create the file and write its head.
  *

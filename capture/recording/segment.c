@@ -157,6 +157,11 @@ static void close_format(struct segment_file *s)
     free(s);
 }
 
+int segment_possible(void)
+{
+    return avformat_version() ? 0 : -ENOTSUP;
+}
+
 int segment_open(struct segment_file **out, const char *path, const struct sst_recorder_config *cfg, int64_t start_ns)
 {
     struct segment_file *s = calloc(1, sizeof(*s));
@@ -311,6 +316,12 @@ void segment_abandon(struct segment_file *s)
 #else
 
 #include "base/absent.h"
+
+int segment_possible(void)
+{
+    sst_log_error("this build has no libavformat, so it cannot record; build it with libavformat");
+    return -ENOTSUP;
+}
 
 SST_ABSENT(int, -ENOTSUP, segment_open, struct segment_file **out, const char *path,
            const struct sst_recorder_config *cfg, int64_t start_ns)

@@ -179,7 +179,8 @@ static void failed(struct active *a, int err)
             snprintf(s->write_text, sizeof(s->write_text), "%.500s", a->said);
         else
             snprintf(s->write_text, sizeof(s->write_text), "cannot record into %.300s: %s", s->folder[0],
-                     strerror(-err));
+                     err == -ENOTSUP ? "FFmpeg's libraries are missing, which Debian's package sst-video brings"
+                                     : strerror(-err));
     }
     pthread_mutex_unlock(&s->lock);
 }

@@ -24,7 +24,7 @@ static void *load(const char *function)
     void *loaded = sst_plugin_symbol("video", function, why);
 
     if (!loaded)
-        sst_log_error("video needs libavformat: %s; install it and build again, or name a folder to get pictures", why);
+        sst_log_error("video needs libavformat: %s; the name of a folder gets pictures", why);
     return loaded;
 }
 

@@ -6,7 +6,7 @@
 set -u
 failed=0
 fail() { echo "FAIL: $*"; failed=1; }
-apt-get -qq update && apt-get -qq -o Dpkg::Use-Pty=0 install -y --no-install-recommends /packages/sst_*.deb /packages/sst-opencv_*.deb /packages/sst-genicam_*.deb /packages/sstd_*.deb /packages/sst-sim_*.deb /packages/sst-models_*.deb ||
+apt-get -qq update && apt-get -qq -o Dpkg::Use-Pty=0 install -y --no-install-recommends /packages/sst_*.deb /packages/sst-opencv_*.deb /packages/sst-genicam_*.deb /packages/sst-video_*.deb /packages/sst-rtsp_*.deb /packages/sstd_*.deb /packages/sst-sim_*.deb /packages/sst-models_*.deb ||
   { fail "cannot be installed"; exit 1; }
 
 for page in sst.1 sst-sim.1 sstd.8 sst-rtsp.8 sst-mqtt.8 sst-onvif.8 sstd.yaml.5; do
@@ -75,11 +75,11 @@ has "$(complete sst-sim --world '')" hedge board
 for f in /etc/apparmor.d/usr.sbin.sst*; do
   [ -d "$f" ] || apparmor_parser -Q -K -S "$f" >/dev/null || fail "AppArmor refuses $f"
 done
-units=$(systemctl --version >/dev/null 2>&1 && dpkg -L sstd | grep -E '/systemd/system/sst[^/]*\.(service|socket)$')
+units=$(systemctl --version >/dev/null 2>&1 && dpkg -L sstd sst-rtsp | grep -E '/systemd/system/sst[^/]*\.(service|socket)$')
 systemd-analyze verify --man=no $units >/tmp/verify 2>&1 || fail "units: $(cat /tmp/verify)"
 grep -E '(^|/)sst[d-]' /tmp/verify && fail "units: $(cat /tmp/verify)"
 for unit in sstd:15 sst-rtsp:12 sst-mqtt:12 sst-onvif:12; do
-  systemd-analyze security --offline=true --threshold="${unit#*:}" "$(dpkg -L sstd | grep "/system/${unit%:*}.service$")" >/tmp/security 2>&1 || fail "exposure of $unit"
+  systemd-analyze security --offline=true --threshold="${unit#*:}" "$(dpkg -L sstd sst-rtsp | grep "/system/${unit%:*}.service$")" >/tmp/security 2>&1 || fail "exposure of $unit"
   tail -n 1 /tmp/security
 done
 exit $failed

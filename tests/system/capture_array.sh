@@ -233,4 +233,9 @@ refused 2 'H264' --format H264 -n 1
 refused 3 'no/such' --config no/such.yaml -n 1
 sed 's/sst-trigger/nowhere/' array.yaml >nochip.yaml
 refused 3 'nowhere' --config nochip.yaml -n 1
+# FFmpeg's libraries that cannot be opened: no recording is begun.
+mkdir lost
+echo nonsense >"lost/$(ldd "${sim%/*}/libsst-video.so" | grep -o 'libavformat\.so\.[0-9]*' | head -n 1)"
+LD_LIBRARY_PATH=$PWD/lost refused 5 "Debian's package sst-video" --config array.yaml -n 1 -o unmade
+[ ! -e unmade ] || fail "a recording that cannot be written was begun: $(ls -R unmade)"
 [ $failed -eq 0 ]

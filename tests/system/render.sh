@@ -62,6 +62,11 @@ cmp -s frames/0000.png a.png || fail "the first frame is not the picture"
 if "$sst" version --json | grep -q '"libavformat": true'; then
   "$sst" sweep lf --from 6 --to 12 --steps 4 -o sweep.mp4 || fail "video"
   [ "$(dd if=sweep.mp4 bs=1 skip=4 count=4 2>/dev/null)" = ftyp ] || fail "sweep.mp4 is no MP4"
+  # FFmpeg's libraries that cannot be opened.
+  mkdir lost
+  echo nonsense >"lost/$(ldd "${sst%/*}/libsst-video.so" | grep -o 'libavformat\.so\.[0-9]*' | head -n 1)"
+  LD_LIBRARY_PATH=$PWD/lost want 5 'video needs libavformat: cannot load libsst-video.so' sweep lf --from 6 --to 12 --steps 4 -o bad.mp4
+  [ ! -e bad.mp4 ] || fail "a video without an encoder"
 else
   want 5 "libavformat" sweep lf --from 6 --to 12 --steps 4 -o bad.mp4
 fi
