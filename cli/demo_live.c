@@ -219,7 +219,8 @@ static int need_program(char out[SST_PATH_MAX], const char *name)
 {
     if (!find_program(out, name))
         return 0;
-    sst_log_error("%s is not beside sst: build it (make) or install it (make install)", name);
+    sst_log_error("%s is not beside sst: build it (make), or install it (make install, Debian's package %s)", name,
+                  name);
     return -ENOPKG;
 }
 

@@ -31,7 +31,7 @@ scripts/packages/enter.sh --network --bind "$out/first:/packages" "$root" bash -
   # A network of its own: port 8090 of this machine may be in use.
   unshare --net sh -c "ip link set lo up && exec sst demo" >/packages/demo.log 2>&1 &
   demo=$!
-  until sst snapshot --socket sst-demo/pedestrian.sock -o now.jpg >/dev/null 2>&1 && [ -s now.jpg ]; do
+  until [ -S sst-demo/pedestrian.sock ] && sst snapshot --socket sst-demo/pedestrian.sock -o now.jpg >/dev/null 2>&1 && [ -s now.jpg ]; do
     kill -0 $demo 2>/dev/null || { cat /packages/demo.log >&2; exit 1; }
     sleep 0.2
   done
