@@ -56,6 +56,9 @@ static int record(void *arg, const json_t *request, struct sst_api_answer *out)
         return sst_api_refuse(out->error, -EINVAL, "seconds must be a number from 0 (until stopped) to 10000000");
     if (!strcmp(action, "start")) {
         err = sst_storage_record(s->storage, length_s, name);
+        if (err == -ENOTSUP)
+            return sst_api_refuse(out->error, err,
+                                  "recordings need FFmpeg's libraries, which Debian's package sst-video brings");
         return err ? explain(s, err, out) : answer_name(out, name);
     }
     err = sst_storage_stop(s->storage);
