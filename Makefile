@@ -340,7 +340,7 @@ $(BUILD)/libsst-sim-preload.so: $(PRELOAD_SRC) $(wildcard simulators/devices/*.h
 	@mkdir -p $(@D)
 	@echo "  LD   $@"
 	@$(CC) -std=gnu11 -I. -O2 -g $(filter-out -fPIE -D_FORTIFY%,$(HARDEN)) -D_FORTIFY_SOURCE=2 -fPIC -shared -Wl,-z,relro,-z,now -fvisibility=hidden -pthread \
-	      $(CWARN) $(filter -f%-prefix-map=%,$(CFLAGS)) $(PRELOAD_SRC) $(filter -Wl%,$(LDFLAGS)) -ldl -o $@
+	      $(CWARN) $(filter -ffile-prefix-map=%,$(CFLAGS)) $(PRELOAD_SRC) $(filter -Wl%,$(LDFLAGS)) -ldl -o $@
 $(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(DRAWN_LIB) $(BUILD)/libsst-sim.a $(BUILD)/libsst.a | $(PLUGINS)
 	@mkdir -p $(@D)
 	@$(CC) $(LDFLAGS_ALL) $(filter-out $(other_world),$^) $(LIBS) $(AV_LIBS) -lcmocka -o $@
