@@ -30,7 +30,7 @@ if [ "$kind" = bare ]; then
 else
   bare=$("$0" "$dist" bare)
   rm -rf --one-file-system "$root"
-  cp -a "$bare" "$root"
+  cp -aH "$bare" "$root"
   rm -f "$root/.complete"
   mkdir "$root/tmp/debian"
   cp debian/control debian/changelog "$root/tmp/debian/"
