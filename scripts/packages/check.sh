@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Checks of the built packages: check.sh DIST [lintian|quick|piuparts|autopkgtest|again|first]...; all without a name. A line for
-# each, logs in build/packages/DIST/. Needs root, an archive, and for autopkgtest's virtual machine /dev/kvm (else a root folder, without
-# systemd; TESTBED=root chooses it).
+# Checks of the built packages: check.sh DIST [lintian|quick|piuparts|autopkgtest|again|first|emulated]...; all but the last without a name (it
+# runs the arm64 packages of Debian 12). A line for each, logs in build/packages/DIST/. Needs root, an archive, and for autopkgtest's virtual
+# machine /dev/kvm (else a root folder, without systemd; TESTBED=root chooses it).
 # SPDX-FileCopyrightText: 2026 The sst contributors
 # SPDX-License-Identifier: Apache-2.0
 set -u
@@ -83,6 +83,13 @@ check_first() {
   scripts/packages/first.sh "$dist" >"$logs/first.log" 2>&1
   rc=$?
   judge "first live picture: $(grep packages "$logs/first.log")" $rc "$logs/first.log"
+}
+
+check_emulated() {
+  local rc
+  scripts/packages/emulated.sh >"$logs/emulated.log" 2>&1
+  rc=$?
+  judge "emulated: $(tail -n 1 "$logs/emulated.log")" $rc "$logs/emulated.log"
 }
 
 for part in "$@"; do
