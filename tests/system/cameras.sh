@@ -45,6 +45,10 @@ grep -q 'row 0 col 2: no camera with serial SIM9999' err || fail "missing camera
 [ -s pictures/identify.png ] && [ "$(find pictures -name '*_SIM0003.png' | wc -l)" -eq 1 ] || fail "pictures: $(ls pictures)"
 grep -q 'row: 0, col: 0, serial: "SIM0003"' bind.yaml || fail "bindings: $(cat bind.yaml)"
 
+cp array.yaml before.yaml
+"$sst" identify --config array.yaml -o pictures --write ./array.yaml >/dev/null 2>err && fail "a configuration is replaced by bindings"
+grep -q 'name another file' err && cmp -s array.yaml before.yaml || fail "replaced: $(cat err)"
+
 # All of them, and the proposal is a configuration.
 "$sst" identify -o all --write all.yaml --json >all.json || fail "identify of all"
 python3 - <<'PY' || fail "pictures of all"

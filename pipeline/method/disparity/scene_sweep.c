@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/log.h"
 #include "pipeline/method/disparity/disparity_internal.h"
 #include "pipeline/method/sweep/sweep.h"
 #include "pipeline/step/run.h"
@@ -110,6 +111,8 @@ int run_sweep(struct disparity_run *run, int threads)
                                                        .threads = threads,
                                                        .cancel = run->cfg->cancel });
     if (err == -E2BIG) { /* all views are to be matched, as if there had been no map */
+        sst_log_warning("the sweep of this foliage needs more memory than it may take: its views are matched one by one, which "
+                        "gives other maps; a higher --memory avoids it");
         free(run->settled);
         run->settled = NULL;
         memset(run->matched, 0, (size_t)count * sizeof(*run->matched));
