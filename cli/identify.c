@@ -445,7 +445,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     if (r != CLI_GO_ON)
         return r;
     if (write && config && is_one_file(write, config))
-        return cli_usage_error(cmd, "--write would replace the configuration with the bindings alone; name another file");
+        return cli_usage_error(cmd,
+                               "--write would replace the configuration with the bindings alone; name another file");
     err = sst_array_config_read(&cfg, config);
     err = err ? err : choose(&s, &cfg, serial, port);
     if (!err && write)
