@@ -37,7 +37,8 @@ void identify_state(void *arg, int cam, enum sst_grab_state state, const char *w
 
 /* identify_genicam.c */
 
-/** Add the GenICam cameras that are bound, or have this serial, id or address; others may belong to somebody else.
+/** Add bound GenICam cameras or, with a serial, id or address, the camera of that name; unbound cameras may belong to
+ * another user.
  *  @return 0 or -errno */
 SST_MUST_CHECK int identify_list_genicams(struct session *s, const struct sst_array_config *cfg, const char *serial,
                                           const char *port);
