@@ -29,9 +29,11 @@ static int explain(struct sst_service *s, int err, struct sst_api_answer *out)
     if (err == -ENOSPC || err == -EROFS || err == -EIO) {
         sst_storage_report(s->storage, &storage);
         snprintf(out->error, sizeof(out->error), "nothing can be stored: %.480s",
-                 storage.reason[0] ? storage.reason : strerror(-err));
+                 storage.reason[0] ? storage.reason : "the disk does not answer in time; the service's log says more");
     } else if (err == -ENODATA) {
         snprintf(out->error, sizeof(out->error), "nothing has been captured yet");
+    } else if (err == -ENOTSUP) {
+        snprintf(out->error, sizeof(out->error), "%s", SST_STORE_NO_MUXER);
     } else if (err) {
         snprintf(out->error, sizeof(out->error), "the request failed: %s", strerror(-err));
     }
@@ -56,9 +58,6 @@ static int record(void *arg, const json_t *request, struct sst_api_answer *out)
         return sst_api_refuse(out->error, -EINVAL, "seconds must be a number from 0 (until stopped) to 10000000");
     if (!strcmp(action, "start")) {
         err = sst_storage_record(s->storage, length_s, name);
-        if (err == -ENOTSUP)
-            return sst_api_refuse(out->error, err,
-                                  "recordings need FFmpeg's libraries, which Debian's package sst-video brings");
         return err ? explain(s, err, out) : answer_name(out, name);
     }
     err = sst_storage_stop(s->storage);

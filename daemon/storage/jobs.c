@@ -162,7 +162,7 @@ static void report(struct sst_storage *s, const struct store_job *job, int err, 
 
     if (err)
         sst_events_emit(s->events, SST_EVENT_ERROR, type, json_pack("{s:s}", "name", job->entry.name),
-                        "cannot make %s: %.180s", job->entry.name, said[0] ? said : strerror(-err));
+                        "cannot make %s: %.180s", job->entry.name, said[0] ? said : err == -ENOTSUP ? SST_STORE_NO_MUXER : strerror(-err));
     else
         sst_events_emit(s->events, SST_EVENT_INFO, type, json_pack("{s:s}", "name", job->entry.name), "%s is made",
                         job->entry.name);
@@ -296,7 +296,18 @@ static int submit(struct sst_storage *s, struct store_job *job, char *name)
     pthread_mutex_unlock(&s->lock);
     if (done)
         free_job(s, job);
-    return err == -ENOSPC || err == -EROFS || err == -EBADMSG || err == -ENOENT || err == -ENOMEM || !err ? err : -EIO;
+    switch (-err) {
+    case 0:
+    case ENOSPC:
+    case EROFS:
+    case EBADMSG:
+    case ENOENT:
+    case ENOMEM:
+    case ENOTSUP:
+        return err;
+    default:
+        return -EIO;
+    }
 }
 
 /* The newest set, or a complete one of the last few; NULL: none. */

@@ -173,14 +173,15 @@ static void failed(struct active *a, int err)
     struct sst_storage *s = a->s;
 
     pthread_mutex_lock(&s->lock);
-    if (s->write_err != err) {
+    if (err == -ENOTSUP) { /* the disk is in order, and light fields of recordings are still made */
+        s->no_muxer = true;
+    } else if (s->write_err != err) {
         s->write_err = err;
         if (a->said[0])
             snprintf(s->write_text, sizeof(s->write_text), "%.500s", a->said);
         else
             snprintf(s->write_text, sizeof(s->write_text), "cannot record into %.300s: %s", s->folder[0],
-                     err == -ENOTSUP ? "FFmpeg's libraries are missing, which Debian's package sst-video brings"
-                                     : strerror(-err));
+                     strerror(-err));
     }
     pthread_mutex_unlock(&s->lock);
 }
@@ -276,7 +277,7 @@ static int begin(struct active *a, const struct wanted *p, const struct sst_kept
     }
     store_busy(s, &s->record_busy_ns, false);
     if (err) {
-        a->retry_ns = sst_clock_now_ns() + RETRY_NS;
+        a->retry_ns = err == -ENOTSUP ? INT64_MAX : sst_clock_now_ns() + RETRY_NS;
         failed(a, err);
         return err;
     }

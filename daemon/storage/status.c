@@ -19,32 +19,48 @@ static bool hangs(int64_t since_ns, int64_t now_ns)
     return since_ns && now_ns - since_ns > SST_STORE_HUNG_NS;
 }
 
+/* The worst trouble at this moment, with its text. */
+static enum store_trouble trouble_locked(const struct sst_storage *s, char text[SST_STORE_TEXT])
+{
+    const int64_t now_ns = sst_clock_now_ns();
+
+    if (s->folder_err) {
+        memcpy(text, s->folder_text, SST_STORE_TEXT);
+        return SST_TROUBLE_FOLDER;
+    }
+    if (s->write_err) {
+        memcpy(text, s->write_text, SST_STORE_TEXT);
+        return SST_TROUBLE_WRITE;
+    }
+    if (hangs(s->record_busy_ns, now_ns) || hangs(s->retention_busy_ns, now_ns)) {
+        snprintf(text, SST_STORE_TEXT, "the disk of %.400s does not answer; check it", s->dir);
+        return SST_TROUBLE_HUNG;
+    }
+    if (s->no_muxer && s->limit != SST_TROUBLE_LIMIT) {
+        snprintf(text, SST_STORE_TEXT, "%s", SST_STORE_NO_MUXER);
+        return SST_TROUBLE_LIBRARY;
+    }
+    snprintf(text, SST_STORE_TEXT, "%s", s->limit == SST_TROUBLE_NONE ? "" : s->limit_text);
+    return s->limit;
+}
+
+static enum sst_storage_state state_of(enum store_trouble trouble)
+{
+    return trouble >= SST_TROUBLE_LIMIT       ? SST_STORAGE_FULL
+           : trouble == SST_TROUBLE_LIMIT_LOW ? SST_STORAGE_LOW
+                                              : SST_STORAGE_OK;
+}
+
 /* @return true: it changed */
 static bool update_state_locked(struct sst_storage *s)
 {
-    const int64_t now_ns = sst_clock_now_ns();
-    enum store_trouble trouble = s->limit;
-    const char *text = s->limit_text;
-    char hung[SST_STORE_TEXT];
-    bool changed;
+    char text[SST_STORE_TEXT];
+    const enum store_trouble trouble = trouble_locked(s, text);
+    const bool changed = trouble != s->trouble || (trouble == SST_TROUBLE_FOLDER && strcmp(text, s->reason));
 
-    if (s->folder_err) {
-        trouble = SST_TROUBLE_FOLDER;
-        text = s->folder_text;
-    } else if (s->write_err) {
-        trouble = SST_TROUBLE_WRITE;
-        text = s->write_text;
-    } else if (hangs(s->record_busy_ns, now_ns) || hangs(s->retention_busy_ns, now_ns)) {
-        trouble = SST_TROUBLE_HUNG;
-        snprintf(hung, sizeof(hung), "the disk of %.400s does not answer; check it", s->dir);
-        text = hung;
-    }
-    changed = trouble != s->trouble || (trouble == SST_TROUBLE_FOLDER && strcmp(text, s->reason));
     s->trouble = trouble;
-    s->state = trouble >= SST_TROUBLE_LIMIT       ? SST_STORAGE_FULL
-               : trouble == SST_TROUBLE_LIMIT_LOW ? SST_STORAGE_LOW
-                                                  : SST_STORAGE_OK;
-    snprintf(s->reason, sizeof(s->reason), "%s", trouble == SST_TROUBLE_NONE ? "" : text);
+    s->state = state_of(trouble);
+    memcpy(s->reason, text, sizeof(s->reason));
     return changed;
 }
 
@@ -53,15 +69,21 @@ static const char *const limit_names[] = { "", "quota", "disk" };
 static const char *const kind_names[] = { "recordings", "snapshots", "exports" };
 static const char *const mode_names[] = { "off", "continuous", "event" };
 
-static void report(struct sst_storage *s, enum sst_storage_state state, const char *reason, int64_t free_bytes,
+static void report(struct sst_storage *s, enum store_trouble trouble, const char *reason, int64_t free_bytes,
                    int64_t used_bytes)
 {
+    const enum sst_storage_state state = state_of(trouble);
     const enum sst_event_level level = state == SST_STORAGE_FULL ? SST_EVENT_ERROR : SST_EVENT_INFO;
+    const char *is = trouble == SST_TROUBLE_LIBRARY ? "nothing can be recorded"
+                     : trouble > SST_TROUBLE_LIMIT  ? "nothing can be stored"
+                     : state == SST_STORAGE_FULL    ? "storage is FULL"
+                     : state == SST_STORAGE_LOW     ? "storage is LOW"
+                                                    : "storage is OK";
 
     sst_events_emit(s->events, level, "storage",
                     json_pack("{s:s, s:s, s:I, s:I}", "state", state_names[state], "reason", reason, "free_bytes",
                               (json_int_t)free_bytes, "used_bytes", (json_int_t)used_bytes),
-                    "storage is %s%s%s", state_names[state], reason[0] ? ": " : "", reason);
+                    "%s%s%s", is, reason[0] ? ": " : "", reason);
 }
 
 void *status_run(void *storage)
@@ -71,13 +93,13 @@ void *status_run(void *storage)
     pthread_mutex_lock(&s->lock);
     while (!s->stop) {
         if (s->checked_ns && update_state_locked(s)) {
-            const enum sst_storage_state state = s->state;
+            const enum store_trouble trouble = s->trouble;
             const int64_t free_bytes = s->free_bytes, used_bytes = s->used_bytes;
             char reason[SST_STORE_TEXT];
 
             memcpy(reason, s->reason, sizeof(reason));
             pthread_mutex_unlock(&s->lock);
-            report(s, state, reason, free_bytes, used_bytes);
+            report(s, trouble, reason, free_bytes, used_bytes);
             pthread_mutex_lock(&s->lock);
         }
         store_wait_locked(s, 250);
@@ -238,7 +260,7 @@ void sst_storage_report(struct sst_storage *s, struct sst_storage_report *out)
     const struct store_entry *e;
     struct catalog catalog;
     int64_t now_ns;
-    bool limit;
+    enum store_trouble trouble;
 
     *out = (struct sst_storage_report){ .dir = s->dir };
     sst_ring_counters(s->ring, &out->ring);
@@ -248,10 +270,10 @@ void sst_storage_report(struct sst_storage *s, struct sst_storage_report *out)
         out->ring_s = (double)(now_ns - out->ring.oldest_ns) * 1e-9;
     catalog = s->catalog;
     e = s->active_name[0] ? catalog_find(&catalog, s->active_name) : NULL;
-    limit = s->trouble == SST_TROUBLE_LIMIT || s->trouble == SST_TROUBLE_LIMIT_LOW;
-    out->state = s->state;
-    out->limit = !limit ? 0 : s->limit_quota ? 1 : 2;
-    memcpy(out->reason, s->reason, sizeof(out->reason));
+    /* Not the last one that was reported: who was refused just now wants to know why. */
+    trouble = trouble_locked(s, out->reason);
+    out->state = state_of(trouble);
+    out->limit = trouble != SST_TROUBLE_LIMIT && trouble != SST_TROUBLE_LIMIT_LOW ? 0 : s->limit_quota ? 1 : 2;
     out->free_bytes = s->free_bytes;
     out->used_bytes = s->used_bytes;
     out->quota_bytes = s->settings.limits.quota_bytes;

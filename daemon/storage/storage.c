@@ -234,6 +234,7 @@ int sst_storage_record(struct sst_storage *s, double seconds, char *name)
     sst_ring_counters(s->ring, &ring);
     pthread_mutex_lock(&s->lock);
     err = s->stop || !ring.sets ? -ENODATA : s->ready || s->blocked ? store_refusal_locked(s) : 0;
+    err = err ? err : s->no_muxer ? -ENOTSUP : 0;
     if (err)
         goto out;
     prolonged = s->demand.armed;

@@ -77,10 +77,18 @@ struct sst_seen {
 };
 void sst_storage_seen(struct sst_storage *s, const struct sst_seen *seen);
 
+/** Reason of -ENOTSUP. */
+#if WITH_AVFORMAT
+#define SST_STORE_NO_MUXER                                                                                             \
+    "recordings and snapshots need FFmpeg's libraries, which Debian's package sst-video brings; install it, and restart sstd"
+#else
+#define SST_STORE_NO_MUXER "this build has no libavformat, so it makes no recordings and no snapshots; build it with libavformat"
+#endif
+
 /** Start or extend a recording on demand, with pre-roll; an active recording continues.
  *  @param seconds  0: until stopped; name: out, [64]
  *  @return 0, -ENODATA (no set arrives), -ENOSPC (FULL), -EROFS, -EBUSY (another service uses the folder), -EIO (last
- *          error of the disk, or it hangs); after an error the request is dropped */
+ *          error of the disk, or it hangs), -ENOTSUP (SST_STORE_NO_MUXER); after an error the request is dropped */
 SST_MUST_CHECK int sst_storage_record(struct sst_storage *s, double seconds, char *name);
 /** Stop a recording on demand. @return 0, -ENOENT (nothing is being recorded on demand) */
 SST_MUST_CHECK int sst_storage_stop(struct sst_storage *s);
@@ -88,7 +96,7 @@ SST_MUST_CHECK int sst_storage_stop(struct sst_storage *s);
 /** Store the newest set as a light field (with the calibration, if any) and the given picture (JPEG; NULL: none) under
  * a new name in snapshots/. Returns after 0.8 s even if it is still being made: its event then reports the result, and
  * a download waits for it. @param name  out, [64]
- *  @return 0, -ENODATA (no set yet), -EBUSY (four are being made), -ENOSPC, -EROFS, -EIO; reported by an event */
+ *  @return 0, -ENODATA (no set yet), -EBUSY (four are being made), -ENOSPC, -EROFS, -EIO, -ENOTSUP (SST_STORE_NO_MUXER); reported by an event */
 SST_MUST_CHECK int sst_storage_snapshot(struct sst_storage *s, const uint8_t *jpeg, size_t bytes, char *name);
 
 /** Make a light field in exports/ from the set nearest to a moment, of a recording or in memory.

@@ -183,9 +183,10 @@ enum store_trouble {
     SST_TROUBLE_NONE = 0,
     SST_TROUBLE_LIMIT_LOW = 1, /* LOW; from here on FULL */
     SST_TROUBLE_LIMIT = 2,
-    SST_TROUBLE_HUNG = 3,
-    SST_TROUBLE_WRITE = 4,
-    SST_TROUBLE_FOLDER = 5,
+    SST_TROUBLE_LIBRARY = 3, /* FFmpeg is missing: no recordings and snapshots */
+    SST_TROUBLE_HUNG = 4,
+    SST_TROUBLE_WRITE = 5,
+    SST_TROUBLE_FOLDER = 6,
 };
 
 struct store_job; /* jobs.c */
@@ -252,6 +253,7 @@ struct sst_storage {
     bool ready;                /* the folder exists, is locked and was scanned */
     bool blocked;              /* nothing may be written */
     int folder_err, write_err; /* negative errno */
+    bool no_muxer;             /* recordings were refused for want of FFmpeg; until the service is restarted */
     enum store_trouble limit;  /* NONE, LIMIT_LOW, LIMIT */
     bool limit_quota;          /* it is the quota's, not the free space's */
     char folder_text[SST_STORE_TEXT], write_text[SST_STORE_TEXT], limit_text[SST_STORE_TEXT];

@@ -11,6 +11,13 @@
 #include <sys/syscall.h>
 #include <sys/wait.h>
 
+#if WITH_AVFORMAT
+#include <libavformat/avformat.h>
+#else
+#define LIBAVFORMAT_VERSION_MAJOR 0
+#define AV_STRINGIFY(version)     #version
+#endif
+
 #include "tests/quick.h"
 #include "tests/storage_bench.h"
 
@@ -275,6 +282,71 @@ static void a_recording_that_cannot_begin_is_reported_once(void **state)
     bench_fini(&b);
 }
 
+/* Also of one that is asked for at once again the reason is known. */
+static void a_refused_recording_has_its_reason(void **state)
+{
+    struct sst_storage_report *report = calloc(1, sizeof(*report));
+    char name[64];
+    struct bench b;
+
+    (void)state;
+    assert_non_null(report);
+    bench_init(&b, SST_RECORD_OFF);
+    b.config->array.rows = b.config->array.cols = 1; /* no grid for three cameras */
+    bench_open_storage(&b);
+    bench_wait_ready(&b);
+    feed(&b, 1);
+    for (int i = 0; i < 3; i++) {
+        assert_int_not_equal(sst_storage_record(b.storage, 1, name), 0);
+        sst_storage_report(b.storage, report);
+        assert_non_null(strstr(report->reason, "the grid does not hold the cameras"));
+        assert_int_equal(report->state, SST_STORAGE_FULL);
+    }
+    free(report);
+    bench_wait_event(&b, "storage", "nothing can be stored: ", 1);
+    bench_fini(&b);
+}
+
+/* Without FFmpeg's libraries no set can be written; the disk is not full. */
+static void no_libraries(void **state)
+{
+    struct sst_storage_report *report = calloc(1, sizeof(*report));
+    char name[64];
+    struct bench b;
+
+    (void)state;
+    assert_non_null(report);
+    bench_init(&b, SST_RECORD_OFF);
+    bench_open_storage(&b);
+    bench_wait_ready(&b);
+    bench_put_pictures(&b, 1, sst_clock_now_ns());
+    for (int i = 0; i < 3; i++) {
+        assert_int_equal(sst_storage_record(b.storage, 1, name), -ENOTSUP);
+        sst_storage_report(b.storage, report);
+        assert_string_equal(report->reason, SST_STORE_NO_MUXER);
+        assert_int_equal(report->limit, 0);
+    }
+    bench_wait_event(&b, "storage", "nothing can be recorded: recordings and snapshots need FFmpeg", 1);
+    assert_int_equal(bench_events(&b, "storage", "is FULL"), 0);
+    assert_int_equal(sst_storage_snapshot(b.storage, (const uint8_t *)"picture", 7, name), -ENOTSUP);
+    bench_wait_event(&b, "snapshot", "sst-video", 1);
+    assert_int_equal(bench_number(&b, NULL, "recordings"), 0);
+    free(report);
+    bench_fini(&b);
+}
+
+static void missing_libraries_are_no_full_disk(void **state)
+{
+    const char *before = getenv("LD_LIBRARY_PATH"), *name = in(top, "libavformat.so." AV_STRINGIFY(LIBAVFORMAT_VERSION_MAJOR));
+    FILE *f = fopen(name, "w");
+
+    (void)state;
+    assert_true(f && fputs("no library", f) > 0 && !fclose(f));
+    assert_int_equal(setenv("LD_LIBRARY_PATH", top, 1), 0);
+    assert_int_equal(in_process("no_libraries"), 0);
+    assert_int_equal(before ? setenv("LD_LIBRARY_PATH", before, 1) : unsetenv("LD_LIBRARY_PATH"), 0);
+}
+
 /* A snapshot that takes longer than a caller waits is still made. */
 static void a_download_waits_for_its_snapshot(void **state)
 {
@@ -487,11 +559,13 @@ int main(int argc, char **argv)
         TEST(a_hung_disk_holds_nobody_up),
         TEST(a_download_waits_for_its_snapshot),
         TEST(a_recording_that_cannot_begin_is_reported_once),
+        TEST(a_refused_recording_has_its_reason),
+        TEST(missing_libraries_are_no_full_disk),
         TEST(a_small_disk_is_filled_by_others),
         TEST(a_folder_of_others_is_told),
         TEST(kills_lose_nothing_that_was_said_to_be_there),
     };
-    const struct CMUnitTest alone[] = { TEST(hung_disk), TEST(small_disk), TEST(forbidden_folder) };
+    const struct CMUnitTest alone[] = { TEST(hung_disk), TEST(small_disk), TEST(forbidden_folder), TEST(no_libraries) };
     const int rc = begin_tests(WITH_AVFORMAT);
 
     if (rc)
