@@ -48,7 +48,7 @@ bool sst_yaml_double(struct sst_yaml *doc, const struct sst_yaml_node *node, dou
     char want[80];
     double v;
 
-    snprintf(want, sizeof(want), "a number in %g..%g", min, max);
+    snprintf(want, sizeof(want), "a number in %.10g..%.10g", min, max);
     if (!has_text(doc, node, want))
         return false;
     if (!number(node, &v) || !(v >= min && v <= max)) {
@@ -142,7 +142,7 @@ bool sst_yaml_doubles(struct sst_yaml *doc, const struct sst_yaml_node *node, do
         return true;
     }
     if (node->type != SST_YAML_LIST || node->count != n) {
-        sst_yaml_fault(doc, node, "must be a list of %d numbers in %g..%g, or one for all", n, min, max);
+        sst_yaml_fault(doc, node, "must be a list of %d numbers in %.10g..%.10g, or one for all", n, min, max);
         return false;
     }
     for (int pass = 0; ok && pass < 2; pass++) { /* the first one only checks */

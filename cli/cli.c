@@ -3,6 +3,7 @@
 #include "cli/cli_internal.h"
 
 #include <errno.h>
+#include <limits.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -141,7 +142,7 @@ static int set_pair(const struct cli_command *cmd, const struct cli_option *o, c
     if (end == text || *end || errno)
         goto bad;
     if (!in_range(o, (double)a) || !in_range(o, (double)b))
-        return cli_usage_error(cmd, "--%s %ldx%ld is outside %g..%g on each side", o->name, a, b, o->min, o->max);
+        return cli_usage_error(cmd, "--%s %ldx%ld is outside %.10g..%.10g on each side", o->name, a, b, o->min, o->max);
     ((int *)o->value)[0] = (int)a;
     ((int *)o->value)[1] = (int)b;
     return CLI_GO_ON;
@@ -174,6 +175,23 @@ static int read_word(const struct cli_command *cmd, const struct cli_option *o, 
     for (int i = 0; i < n; i++)
         sst_text_add(list, sizeof(list), "%s%s", !i ? "" : i + 1 == n ? " or " : ", ", word[i]);
     return cli_usage_error(cmd, "unknown --%s `%s`; use %s", o->name, text, list);
+}
+
+/* Digits, perhaps with a sign: strtod() alone would also accept 1e3 and 0x10. */
+static int set_int(const struct cli_command *cmd, const struct cli_option *o, const char *text)
+{
+    const char *digits = text + (*text == '-' || *text == '+');
+    const bool any = o->min == 0 && o->max == 0;
+    const double min = any ? -INT_MAX : o->min, max = any ? INT_MAX : o->max;
+    double v;
+
+    if (!*digits || digits[strspn(digits, "0123456789")])
+        return cli_usage_error(cmd, "--%s %s is not a whole number in decimal digits", o->name, text);
+    v = strtod(text, NULL);
+    if (!(v >= min && v <= max))
+        return cli_usage_error(cmd, "--%s %s is outside %.0f..%.0f", o->name, text, min, max);
+    *(int *)o->value = (int)v;
+    return CLI_GO_ON;
 }
 
 static int set_value(const struct cli_command *cmd, const struct cli_option *o, const char *text)
@@ -210,18 +228,16 @@ static int set_value(const struct cli_command *cmd, const struct cli_option *o, 
         }
         break;
     case CLI_INT:
+        return set_int(cmd, o, text);
     case CLI_DOUBLE:
         break;
     }
     v = strtod(text, &end);
-    if (end == text || *end || isnan(v) || (o->type == CLI_INT && v != floor(v)))
-        return cli_usage_error(cmd, "--%s %s is not a %snumber", o->name, text, o->type == CLI_INT ? "whole " : "");
-    if (!in_range(o, v) || (o->type == CLI_INT && fabs(v) > 2e9))
-        return cli_usage_error(cmd, "--%s %s is outside %g..%g", o->name, text, o->min, o->max);
-    if (o->type == CLI_INT)
-        *(int *)o->value = (int)v;
-    else
-        *(double *)o->value = v;
+    if (end == text || *end || isnan(v) || strpbrk(text, "xX"))
+        return cli_usage_error(cmd, "--%s %s is not a number", o->name, text);
+    if (!in_range(o, v))
+        return cli_usage_error(cmd, "--%s %s is outside %.10g..%.10g", o->name, text, o->min, o->max);
+    *(double *)o->value = v;
     return CLI_GO_ON;
 }
 

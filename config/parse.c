@@ -167,7 +167,7 @@ static void parse_numbers(struct sst_yaml *doc, const struct sst_yaml_node *n, c
     const struct sst_yaml_node *c = n->first;
 
     if (n->type == SST_YAML_MAP || (n->type == SST_YAML_LIST && (n->count < 1 || n->count > most))) {
-        sst_yaml_fault(doc, n, "must be one number or a list of 1 to %d numbers in %g..%g", most, key->min, key->max);
+        sst_yaml_fault(doc, n, "must be one number or a list of 1 to %d numbers in %.10g..%.10g", most, key->min, key->max);
         return;
     }
     for (int i = 0; i < most; i++) {

@@ -623,7 +623,7 @@ static int read_order(const json_t *request, struct order *o, char error[512])
         return sst_api_refuse(error, -EINVAL, "playing and close must be true or false");
     if (speed && (!json_is_number(speed) || !(json_number_value(speed) >= SPEED_MIN) ||
                   !(json_number_value(speed) <= SPEED_MAX)))
-        return sst_api_refuse(error, -EINVAL, "speed must be a number from %g to %g", SPEED_MIN, SPEED_MAX);
+        return sst_api_refuse(error, -EINVAL, "speed must be a number from %.10g to %.10g", SPEED_MIN, SPEED_MAX);
     if (!o->id && !recording && !time)
         return sst_api_refuse(error, -EINVAL,
                               "give a recording or a time to play, or the replay of an earlier answer to control it");

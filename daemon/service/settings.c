@@ -107,7 +107,7 @@ static int parse_number(struct view_settings *s, size_t i, const json_t *value, 
         return 0;
     }
     if (!json_is_number(value) || !(v >= numbers[i].min && v <= numbers[i].max))
-        return sst_api_refuse(error, -EINVAL, "%s must be a number from %g to %g%s", numbers[i].key, numbers[i].min,
+        return sst_api_refuse(error, -EINVAL, "%s must be a number from %.10g to %.10g%s", numbers[i].key, numbers[i].min,
                               numbers[i].max, numbers[i].null ? " or null" : "");
     *member_of(s, i) = v;
     return 0;

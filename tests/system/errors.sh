@@ -117,6 +117,9 @@ want 2 "contradict" process lf --no-labels --model text.txt
 want 2 "parameters" process lf --no-labels --p1 50 --p2 10
 want 2 "parameters" process lf --no-labels --paths 5
 want 2 "outside" process lf --threads 257
+for n in 1e3 0x10 1.5 " 64" "" inf; do want 2 "not a whole number in decimal digits" process lf --memory "$n"; done
+want 2 'memory 0 is outside 1..16777216;' process lf --memory 0
+want 2 "not a number" render lf --focus 0x3 -o bad.png
 for focus in 1000 -1000 -50; do want 2 "focus" render lf --focus $focus -o bad.png; done
 for focus in nan x ""; do want 2 "not a number" render lf --focus "$focus" -o bad.png; done
 for focus in inf 1e300; do want 2 "focus\|outside" render lf --focus $focus -o bad.png; done

@@ -132,7 +132,7 @@ int sim_faults_set(struct sim_faults *f, const char *text, char *message, size_t
         if (k < 0)
             break;
         if (value < scope->faults[k].min || value > scope->faults[k].max)
-            return refuse(-ERANGE, message, size, "fault '%s': the value must lie in %g to %g", text,
+            return refuse(-ERANGE, message, size, "fault '%s': the value must lie in %.10g to %.10g", text,
                           scope->faults[k].min, scope->faults[k].max);
         for (int n = first; n <= last; n++) {
             const double old = *value_at(f, i, n, k);
@@ -182,7 +182,7 @@ void sim_fault_scope_print(FILE *out, const struct sim_fault_scope *s)
         char name[96];
 
         (void)snprintf(name, sizeof(name), "%s.%s%s", s->name, s->instances ? "N." : "", s->faults[k].name);
-        fprintf(out, "%-26s %g..%g  %s\n", name, s->faults[k].min, s->faults[k].max, s->faults[k].help);
+        fprintf(out, "%-26s %.10g..%.10g  %s\n", name, s->faults[k].min, s->faults[k].max, s->faults[k].help);
     }
 }
 
