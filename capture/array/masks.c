@@ -393,6 +393,14 @@ static int mask_frame(void *arg, int index, int worker SST_UNUSED)
     return 0;
 }
 
+static const char *reason_of(int err)
+{
+    return err == -EBADMSG   ? "to a damaged JPEG; check its cable and USB power"
+           : err == -ENOTSUP ? "to JPEGs of arithmetic code or with four colours; set cameras: format to another one"
+           : err == -EINVAL  ? "to frames of this size or format; see cameras: width, height and format"
+                             : "for want of memory";
+}
+
 static void log_withheld(struct sst_masks *m, int cam)
 {
     struct mask_camera *c = &m->camera[cam];
@@ -401,9 +409,9 @@ static void log_withheld(struct sst_masks *m, int cam)
     c->held++;
     if (c->logged_ns && now_ns - c->logged_ns < LOG_NS)
         return;
-    sst_log_warning("camera of row %d, col %d: %u frame%s withheld, since privacy masks cannot be applied to a damaged "
-                    "JPEG; check its cable and USB power",
-                    m->place[cam].row, m->place[cam].col, c->held, c->held == 1 ? " is" : "s are");
+    sst_log_warning("camera of row %d, col %d: %u frame%s withheld, since privacy masks cannot be applied %s",
+                    m->place[cam].row, m->place[cam].col, c->held, c->held == 1 ? " is" : "s are",
+                    reason_of(m->result[cam]));
     c->logged_ns = now_ns;
     c->held = 0;
 }

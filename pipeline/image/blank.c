@@ -18,6 +18,7 @@
 /* Bytes that libjpeg warns of and that no sample is made of: as pipeline/image/jpeg.c has them. */
 #define STRAY_RESTART 32
 #define STRAY_END     3
+#define SCANS_MOST    64 /* of a progressive picture; libjpeg writes 10 */
 
 #define LIMIT 1023    /* of coefficients: the usual Huffman tables have no codes for larger ones (ITU T.81, table F.1) */
 #define BLACK (-1024) /* DC coefficient of black luma times its step: 8 times the level shift of 128 */
@@ -51,12 +52,12 @@ static void on_message(j_common_ptr c, int level)
         on_error(c);
 }
 
-/* A scan for each component at most: more would only cost time. */
+/* A scan for each component at most, of progressive pictures as many as encoders make: more would only cost time. */
 static void on_progress(j_common_ptr c)
 {
     const j_decompress_ptr d = (j_decompress_ptr)c;
 
-    if (d->input_scan_number > d->num_components)
+    if (d->input_scan_number > (d->progressive_mode ? SCANS_MOST : d->num_components))
         on_error(c);
 }
 
@@ -235,21 +236,26 @@ static bool blank_component(struct sst_blank *b, jvirt_barray_ptr coefs, const j
     return true;
 }
 
-static bool is_plain(const struct sst_blank *b, const struct sst_raw *raw)
+/* @return 0, -EBADMSG (another size, too few bytes), -ENOTSUP (another kind of JPEG) */
+static int check_header(const struct sst_blank *b, const struct sst_raw *raw)
 {
     const struct jpeg_decompress_struct *d = &b->d;
 
-    return (int)d->image_width == raw->width && (int)d->image_height == raw->height && !d->progressive_mode &&
-           !d->arith_code && d->data_precision == 8 &&
-           (d->jpeg_color_space == JCS_YCbCr || d->jpeg_color_space == JCS_GRAYSCALE ||
-            d->jpeg_color_space == JCS_RGB) &&
-           sst_jpeg_may_hold((size_t)raw->width * (size_t)raw->height, raw->bytes);
+    if ((int)d->image_width != raw->width || (int)d->image_height != raw->height ||
+        !sst_jpeg_may_hold((size_t)raw->width * (size_t)raw->height, raw->bytes))
+        return -EBADMSG;
+    return !d->arith_code && d->data_precision == 8 &&
+                   (d->jpeg_color_space == JCS_YCbCr || d->jpeg_color_space == JCS_GRAYSCALE ||
+                    d->jpeg_color_space == JCS_RGB)
+               ? 0
+               : -ENOTSUP;
 }
 
-/* May escape. @return 0, -EBADMSG */
+/* A progressive picture becomes a sequential one of the same coefficients. May escape. @return 0, -EBADMSG, -ENOTSUP */
 static int transcode(struct sst_blank *b, const struct sst_raw *raw, const struct sst_blank_blocks *blocks)
 {
     jvirt_barray_ptr *coefs;
+    int err;
 
     if (!b->reads) {
         b->d.err = b->c.err = &b->errors;
@@ -261,8 +267,9 @@ static int transcode(struct sst_blank *b, const struct sst_raw *raw, const struc
     jpeg_mem_src(&b->d, raw->data, raw->bytes);
     (void)jpeg_read_header(&b->d, TRUE);
     b->d.progress = &b->progress;
-    if (!is_plain(b, raw))
-        return -EBADMSG;
+    err = check_header(b, raw);
+    if (err)
+        return err;
     coefs = jpeg_read_coefficients(&b->d);
     for (int i = 0; i < b->d.num_components; i++)
         if (!blank_component(b, coefs[i], &b->d.comp_info[i], blocks))

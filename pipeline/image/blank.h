@@ -32,11 +32,11 @@ bool sst_blank_format(uint32_t fourcc);
  * Of a JPEG the coefficients of the other blocks stay bit by bit: nothing is decoded to samples and encoded again. Where
  * blocks of a component are larger than SST_BLANK_SIDE, the larger one is black. Comments and application segments, in
  * which a small picture can be, are left out, as are bytes behind the picture's end. A damaged JPEG is refused: pixels behind
- * the damage can lie in other blocks than they were exposed in.
+ * the damage can lie in other blocks than they were exposed in. A progressive one becomes sequential.
  *
  * @param out  frame; data and bytes (and stride of a raw frame) differ from raw's
- * @return 0, -EINVAL (format, number of blocks), -EBADMSG (damaged, progressive, another size than raw's), -ENOMEM; not
- * logged; out untouched then
+ * @return 0, -EINVAL (format, number of blocks), -EBADMSG (damaged, another size than raw's), -ENOTSUP (a JPEG of
+ * arithmetic code or with four colours), -ENOMEM; not logged; out untouched then
  */
 SST_MUST_CHECK int sst_blank_frame(struct sst_blank *blank, const struct sst_raw *raw,
                                    const struct sst_blank_blocks *blocks, struct sst_raw *out);

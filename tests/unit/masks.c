@@ -41,7 +41,7 @@ static void choose_blocks(int x0, int x1, int y0, int y1)
 
 struct kind {
     int h, v, components, restart;
-    bool exif;
+    bool exif, progressive;
 };
 
 /* A picture that has other pixels in the chosen blocks for another `inner`. */
@@ -67,6 +67,8 @@ static size_t encode(unsigned char **out, struct kind k, uint64_t inner)
     c.comp_info[0].h_samp_factor = k.h;
     c.comp_info[0].v_samp_factor = k.v;
     c.restart_interval = (unsigned)k.restart;
+    if (k.progressive)
+        jpeg_simple_progression(&c);
     jpeg_start_compress(&c, TRUE);
     if (k.exif) {
         char text[80];
@@ -125,7 +127,7 @@ static void check_picture(const struct sst_raw *before, const struct sst_raw *af
 
 static const struct kind kinds[] = {
     { 1, 1, 3, 0, true }, { 2, 1, 3, 0, false }, { 2, 2, 3, 5, true }, { 1, 2, 3, 0, false }, { 1, 1, 1, 3, true },
-    { 2, 2, 1, 0, false }, { 4, 1, 3, 0, false },
+    { 2, 2, 1, 0, false }, { 4, 1, 3, 0, false }, { 2, 2, 3, 0, true, true }, { 1, 1, 1, 0, false, true },
 };
 
 /* Two frames that differ in the masked region alone, in comments and behind the end are the same bytes afterwards. */
