@@ -19,6 +19,9 @@ from .pictures import decode_picture
 _MOST_JSON = 16 << 20
 _MOST_PICTURE = 64 << 20
 _MOST_LINE = 1 << 20
+# X509_V_ERR_ of OpenSSL.
+_EXPIRED = 10
+_OTHER_HOST = (62, 64)  # a name, an address
 
 
 class ServiceError(OSError):
@@ -77,6 +80,10 @@ def _silence(why, timeout):
     if isinstance(why, TimeoutError):
         return f"no answer within {timeout:g} s"
     if isinstance(why, ssl.SSLCertVerificationError):
+        if why.verify_code in _OTHER_HOST:
+            return f"its certificate is for another host ({why.verify_message.rstrip('.')}); connect by a name that is in it"
+        if why.verify_code == _EXPIRED:
+            return "its certificate has expired; renew it"
         return f"its certificate is not trusted ({why.verify_message}); name the file of its authority by cafile"
     return getattr(why, "strerror", None) or why
 
@@ -90,7 +97,7 @@ class Client:
     url         http://, https:// or unix:PATH of the socket
     token       of the service; token_file: a file with it
     timeout     seconds for connecting, and for each wait for bytes
-    cafile      PEM file of the certificates that are trusted; default: those of the system
+    cafile      PEM file of the certificates that are trusted, also a self-signed one of the service; default: those of the system
     verify      False: any certificate is accepted. Only for tests: whoever is in between reads the token
 
     Proxies of the environment are not used, redirects are refused. All methods raise ServiceError, an OSError of one sentence.

@@ -12,7 +12,7 @@ curl() { command curl -m 60 "$@"; }
 
 # pair NAME DAYS
 pair() {
-  openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -days "$2" -subj "/O=$1/CN=localhost" \
+  openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -days "$2" -subj "/O=$1/CN=localhost" -addext subjectAltName=DNS:localhost \
     -keyout "$1.key" -out "$1.pem" 2>/dev/null
 }
 # place NAME: it becomes the pair of the service
@@ -49,6 +49,39 @@ curl -s --unix-socket c.sock http://x/metrics | grep -Eq '^sst_certificate_days 
 command curl -skN -m 600 -H "Authorization: Bearer $(cat token)" -H 'Accept: application/x-ndjson' \
   "https://127.0.0.1:$port/api/v1/events/stream?after=0" >stream &
 stream=$!
+
+# The client of Python: the service's own certificate by cafile alone, and for the host that is in it.
+PYTHONDONTWRITEBYTECODE=1 PYTHONPATH=$root/python /usr/bin/python3 - "$port" <<'PY' >out 2>&1 || fail "Python over TLS: $(tail -n 3 out)"
+import sys
+try:
+    import numpy  # of the package
+except ImportError:
+    sys.exit(0)
+import sst
+port = sys.argv[1]
+
+
+def refused(words, host="localhost", **how):
+    try:
+        sst.Client(f"https://{host}:{port}", token_file="token", **how).status()
+    except sst.ServiceError as e:
+        assert words in str(e) and e.status is None, e
+    else:
+        raise AssertionError(words)
+
+
+client = sst.Client(f"https://localhost:{port}", token_file="token", cafile="First.pem")
+assert client.status()["certificate"]["days"] > 88 and client.events()
+refused("not trusted (self-signed certificate); name the file of its authority by cafile")
+refused("not trusted", cafile="Second.pem")
+refused("for another host", host="127.0.0.1", cafile="First.pem")
+assert sst.Client(f"https://127.0.0.1:{port}", token_file="token", verify=False).status()
+try:
+    sst.Client(f"http://localhost:{port}", token_file="token").status()
+    raise AssertionError("plain text to a port of TLS")
+except sst.ServiceError as e:
+    assert "does not answer" in str(e), e
+PY
 
 # Old protocols and ones without forward secrecy are refused; HSTS.
 handshake() { timeout 60 openssl s_client -connect "127.0.0.1:$port" "$@" </dev/null 2>/dev/null | grep -q 'Cipher is [A-Z]'; }
