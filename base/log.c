@@ -20,6 +20,11 @@ char *sst_log_hold_errors(char *text)
     return before;
 }
 
+bool sst_log_holds_errors(void)
+{
+    return held;
+}
+
 void sst_log_copy_errors(char *text, size_t size)
 {
     copied = text;

@@ -42,6 +42,9 @@ void sst_log_debug(const char *fmt, ...) SST_PRINTF(1, 2);
  */
 char *sst_log_hold_errors(char *text);
 
+/** Does this thread hold its errors, so that the last one alone is read? */
+bool sst_log_holds_errors(void);
+
 /** Show the errors of this thread as usual, and also append them to `text`, separated by "; ", truncated to fit; NULL
  *  ends this. */
 void sst_log_copy_errors(char *text, size_t size);

@@ -3,6 +3,7 @@
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/epoll.h>
@@ -64,6 +65,7 @@ static int open_grab(struct cameras *c, const struct sst_array_config *a)
         memcpy(bindings[i].serial, cam->serial, sizeof(bindings[i].serial));
         memcpy(bindings[i].port, cam->port, sizeof(bindings[i].port));
         bindings[i].node = cam->node;
+        snprintf(bindings[i].title, sizeof(bindings->title), "camera row %d, col %d", cam->row, cam->col);
     }
     cfg.cameras = c->v4l2.count;
     cfg.bindings = bindings;

@@ -45,7 +45,7 @@ struct sst_capture {
     bool skewed, starting;
     bool came[SST_CAMERAS_MAX];                  /* cameras that have delivered a frame */
     int refused_cam;                             /* the first one that was refused or lost ... */
-    char refusal[384];                           /* ... and why, for the log */
+    char refusal[384];                           /* ... and why, of callers that read the last error alone */
     char name[SST_CAMERAS_MAX][SST_HEALTH_NAME]; /* of cameras, for the log */
     struct health health;
     int64_t idle_ns; /* since when the train has failed; 0: it runs */
@@ -529,7 +529,7 @@ static int start_cameras(struct sst_capture *c)
         return 0;
     sst_log_error(
         "none of the %d cameras streams%s; `sst cameras` lists all, `sst doctor` checks permissions and bandwidth",
-        c->array->bound, c->refusal);
+        c->array->bound, sst_log_holds_errors() ? c->refusal : ""); /* else it has been shown */
     return -ENODEV;
 }
 

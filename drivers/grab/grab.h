@@ -106,6 +106,7 @@ struct sst_grab_binding {
                                        named. Of split pictures: with the part */
     char port[SST_GRAB_NAME_MAX];
     int node; /* number of the capture node of its device, from 1; 0: the first that fulfils the settings */
+    char title[32]; /* in messages: "camera row 0, col 1"; "": by its number */
 };
 
 struct sst_grab_control {

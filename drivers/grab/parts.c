@@ -101,13 +101,16 @@ static int find_device(struct sst_grab *g, const struct sst_grab_binding *base)
 static void add_device(struct sst_grab *g, const struct sst_grab_binding *base, int cam)
 {
     struct grab_camera *d = &g->camera[g->cfg.cameras++];
+    char title[sizeof(base->title)];
 
     d->binding = *base;
     d->number = -1;
     for (int i = 0; i < SST_GRAB_PARTS_MAX; i++)
         d->part[i].cam = -1;
-    snprintf(d->name, sizeof(d->name), "camera %d%s (%s %s)", cam, g->parts > 1 ? " and those beside it" : "",
-             *base->serial ? "serial" : "port", *base->serial ? base->serial : base->port);
+    snprintf(title, sizeof(title), "camera %d", cam);
+    snprintf(d->name, sizeof(d->name), "%s%s (%s %s)", *base->title ? base->title : title,
+             g->parts > 1 ? " and those beside it" : "", *base->serial ? "serial" : "port",
+             *base->serial ? base->serial : base->port);
 }
 
 int parts_assign(struct sst_grab *g, const struct sst_grab_config *cfg)

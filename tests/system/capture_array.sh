@@ -181,9 +181,9 @@ odd() { # FAULTS CONFIG SETS EXPRESSION WORDS...
 at() { echo "[c for c in a['array'] if c['port'] == '$1-1'][0]"; }
 odd 'camera.0.clock_step_us=190000000 camera.1.clock_step_us=-190000000 camera.2.same_stamp=1' free4.yaml 100 \
   "$(at 4)['buckets']['set'] > 50 and not any(any(c['recovery'].values()) for c in a['array'])" \
-  'camera 0 (port 1-1): its time stamps are 190.0 s ahead: driver uvcvideo' \
-  'camera 1 (port 2-1): its time stamps are 190.0 s behind' 'camera 2 (port 3-1): its time stamps do not advance'
-odd 'camera.*.clock_step_us=2000000' free4.yaml 10 'a["complete"] > 0' 'camera 3 (port 4-1): its time stamps are 2.0 s ahead'
+  'camera row 0, col 0 (port 1-1): its time stamps are 190.0 s ahead: driver uvcvideo' \
+  'camera row 0, col 1 (port 2-1): its time stamps are 190.0 s behind' 'camera row 1, col 0 (port 3-1): its time stamps do not advance'
+odd 'camera.*.clock_step_us=2000000' free4.yaml 10 'a["complete"] > 0' 'camera row 1, col 1 (port 4-1): its time stamps are 2.0 s ahead'
 "$sst" recording odd.rec | grep -q '^arrival .* r00 c00 SIM0000: [1-9]' || fail "$what: $("$sst" recording odd.rec)"
 # A moment of one camera is that camera's moment.
 cat >moment <<B
@@ -197,19 +197,19 @@ grep -q 'row 1, col 0 (3-1): time stamps jump, or are later than the arrival' er
 # Forms of frames. No reset helps against another one, and none is tried.
 odd 'camera.0.other_size=1 camera.1.lead=16 camera.2.field=14 camera.3.field=7' gpio4.yaml 20 \
   "$(at 2)['buckets']['set'] > 10 and $(at 2)['bad'] == 0 and not any(c['recovery']['reset'] for c in a['array'])" \
-  'camera 0 (port 1-1): its JPEGs are 320x248, not the 320x240 that was agreed' \
-  'camera 1 (port 2-1): its JPEGs begin after 16 bytes' \
-  'camera 2 (port 3-1): at 320x240 its pictures are made of fields (interlaced)' \
-  'camera 3 (port 4-1): its driver delivers fields (alternating)'
+  'camera row 0, col 0 (port 1-1): its JPEGs are 320x248, not the 320x240 that was agreed' \
+  'camera row 0, col 1 (port 2-1): its JPEGs begin after 16 bytes' \
+  'camera row 1, col 0 (port 3-1): at 320x240 its pictures are made of fields (interlaced)' \
+  'camera row 1, col 1 (port 4-1): its driver delivers fields (alternating)'
 [ "$(grep -c 'its JPEGs are' err)" = 1 ] || fail "$what: $(cat err)"
 # A rate that a driver does not set is reported with a trigger; without one it matters whether it is another rate.
 sed 's/rate_hz: 30,/rate_hz: 25,/' gpio4.yaml >gpio25.yaml
 sed 's/rate_hz: 30,/rate_hz: 25,/' free4.yaml >free25.yaml
 not='at 320x240 it delivers 30 Hz, not 25: its driver does not set the rate'
 odd 'camera.1.parm_errno=22 camera.2.parm_errno=25' gpio25.yaml 5 'all(c["buckets"]["set"] > 0 for c in a["array"])' \
-  "camera 1 (port 2-1): $not (Invalid argument)" "camera 2 (port 3-1): $not (Inappropriate"
+  "camera row 0, col 1 (port 2-1): $not (Invalid argument)" "camera row 1, col 0 (port 3-1): $not (Inappropriate"
 odd 'camera.1.parm_errno=5' free25.yaml 5 "all((c['frames'] > 0) == (c['port'] != '2-1') for c in a['array'])" \
-  "camera 1 (port 2-1): $not (Input/output error)"
+  "camera row 0, col 1 (port 2-1): $not (Input/output error)"
 odd 'camera.*.parm_errno=16 camera.*.no_tables=1 camera.1.mplane=1' free4.yaml 5 'all(c["frames"] > 0 for c in a["array"])'
 # Recordings hold the bytes of the camera, pictures have the tables that it leaves out.
 "$sst" import recording odd.rec -o tables --sets last --allow-partial >/dev/null 2>err || fail "$what: $(cat err)"
