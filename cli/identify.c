@@ -84,32 +84,58 @@ void identify_state(void *arg, int cam, enum sst_grab_state state, const char *w
         snprintf(shot->why, sizeof(shot->why), "%s", why);
 }
 
-static bool any_waiting(const struct session *s, const struct sst_grab_config *cfg)
+/* Is a picture outstanding of a camera that can still deliver it? */
+static bool any_waiting(const struct session *s, const struct identify_grab *grab)
 {
-    for (int i = 0; i < cfg->cameras; i++) {
-        if (!s->shots[s->index[i]].image.width && sst_grab_camera_state(s->grab, i) != SST_GRAB_REFUSED)
+    for (int i = 0; i < grab->cameras; i++) {
+        if (!s->shots[s->index[i]].image.width && grab->state(s, i) != SST_GRAB_REFUSED)
             return true;
     }
     return false;
+}
+
+int identify_wait(struct session *s, const struct identify_grab *grab)
+{
+    const int64_t end_ns = sst_clock_now_ns() + PICTURE_NS;
+    int err = 0;
+
+    s->missing = grab->cameras;
+    while (err >= 0 && s->missing && any_waiting(s, grab) && sst_clock_now_ns() < end_ns)
+        err = grab->poll(s);
+    return err < 0 ? err : 0;
+}
+
+static enum sst_grab_state state_of(const struct session *s, int cam)
+{
+    return sst_grab_camera_state(s->grab, cam);
+}
+
+static int poll_grab(struct session *s)
+{
+    return sst_grab_poll(s->grab, 100);
 }
 
 /* Take a picture of each camera in s->index. A failure is recorded in its shot. @return 0 or -errno */
 static int grab_pictures(struct session *s, struct sst_grab_config *cfg)
 {
     const struct sst_grab_events events = { s, on_frame, identify_state };
-    int64_t end_ns;
     int err = sst_grab_open(&s->grab, cfg, &events);
 
     if (err)
         return err;
-    s->missing = cfg->cameras;
     err = sst_grab_start(s->grab);
-    end_ns = sst_clock_now_ns() + PICTURE_NS;
-    while (err >= 0 && s->missing && any_waiting(s, cfg) && sst_clock_now_ns() < end_ns)
-        err = sst_grab_poll(s->grab, 100);
+    err = err < 0 ? err : identify_wait(s, &(struct identify_grab){ cfg->cameras, state_of, poll_grab });
     sst_grab_close(s->grab);
     s->grab = NULL;
-    return err < 0 ? err : 0;
+    return err;
+}
+
+static void write_title(char *title, size_t size, const struct shot *shot)
+{
+    if (shot->place.row >= 0)
+        snprintf(title, size, "camera row %d, col %d", shot->place.row, shot->place.col);
+    else
+        snprintf(title, size, "camera");
 }
 
 /* Select cameras first .. first+n-1 that can be opened and have no picture yet. */
@@ -122,9 +148,26 @@ static int take_round(struct session *s, struct sst_grab_config *cfg, struct sst
             continue;
         memcpy(bindings[cfg->cameras].port, s->shots[i].device.port, sizeof(bindings->port));
         bindings[cfg->cameras].node = s->shots[i].device.nth;
+        write_title(bindings[cfg->cameras].title, sizeof(bindings->title), &s->shots[i]);
         s->index[cfg->cameras++] = i;
     }
     return cfg->cameras ? grab_pictures(s, cfg) : 0;
+}
+
+/* Once each, after the last attempt. */
+static void report_missing(const struct session *s)
+{
+    for (int i = 0; i < s->count; i++) {
+        const struct shot *shot = &s->shots[i];
+        const bool serial = *shot->device.serial;
+        char title[32];
+
+        if (shot->image.width || shot->genicam || !*shot->why)
+            continue;
+        write_title(title, sizeof(title), shot);
+        sst_log_error("%s (%s %s): %s", title, serial ? "serial" : "port",
+                      serial ? shot->device.serial : shot->device.port, shot->why);
+    }
 }
 
 /* All at once; then, one by one, cameras without USB bandwidth beside the others. */
@@ -132,6 +175,7 @@ static int take_pictures(struct session *s, const struct sst_array_config *array
 {
     struct sst_grab_binding *bindings = calloc((size_t)s->count, sizeof(*bindings));
     struct sst_grab_config cfg;
+    char said[SST_LOG_MAX] = "";
     int err;
 
     if (!bindings) {
@@ -140,10 +184,15 @@ static int take_pictures(struct session *s, const struct sst_array_config *array
     }
     cli_grab_config(&cfg, array);
     cfg.bindings = bindings;
+    sst_log_hold_errors(said); /* a camera that is refused in both rounds */
     err = take_round(s, &cfg, bindings, 0, s->count);
     for (int i = 0; !err && s->count > 1 && i < s->count; i++)
         err = take_round(s, &cfg, bindings, i, 1);
+    sst_log_hold_errors(NULL);
     free(bindings);
+    if (err && *said)
+        sst_log_error("%s", said);
+    report_missing(s);
     return err ? err : identify_genicams(s, array);
 }
 
@@ -329,28 +378,72 @@ static bool serial_is_unique(const struct session *s, int index)
     return *s->shots[index].device.serial != 0;
 }
 
-/* The cameras in the order of their ports, row by row, to be corrected by hand with the pictures. */
+enum taken {
+    TAKEN_NOT = 0,
+    TAKEN_MISSING = 1, /* by a camera that is not connected: perhaps the one that it replaces */
+    TAKEN = 2,
+};
+
+/* Positions of the array, row by row. */
+static void mark_taken(enum taken *taken, const struct session *s, const struct sst_array_config *cfg)
+{
+    for (int k = 0; k < cfg->bound; k++) {
+        const int at = cfg->camera[k].row * cfg->cols + cfg->camera[k].col;
+
+        taken[at] = cfg->camera[k].kind == SST_CONFIG_V4L2 && !s->connected[at] ? TAKEN_MISSING : TAKEN;
+    }
+    for (int at = 0; !cfg->bound && at < cfg->rows * cfg->cols; at++)
+        taken[at] = s->connected[at] ? TAKEN : TAKEN_NOT;
+}
+
+/* The first position that is at most taken so, in the order in which cameras are placed; -1, -1: none. */
+static struct cli_place first_free(enum taken *taken, const struct sst_array_config *cfg, enum taken most)
+{
+    for (int n = 0; n < cfg->rows * cfg->cols; n++) {
+        struct cli_place at;
+
+        sst_array_place(cfg, n, &at.row, &at.col);
+        if (taken[at.row * cfg->cols + at.col] <= most) {
+            taken[at.row * cfg->cols + at.col] = TAKEN;
+            return at;
+        }
+    }
+    return (struct cli_place){ -1, -1 };
+}
+
+/* Cameras keep their positions; others are put at free ones, to be corrected by hand with the pictures. */
 static int write_bindings(const struct session *s, const struct sst_array_config *cfg, const char *path)
 {
+    enum taken taken[SST_CAMERAS_MAX] = { TAKEN_NOT };
     struct sst_outfile out = { 0 };
-    int err = sst_outfile_open(&out, path);
+    int over = 0, err = sst_outfile_open(&out, path);
 
     if (err)
         return err;
-    fprintf(out.stream, "# Proposed by the order of USB ports; change rows and columns to where the cameras are.\n"
+    mark_taken(taken, s, cfg);
+    fprintf(out.stream, "# Cameras of the configuration have their positions, others free ones in the order of ports; change rows\n"
+                        "# and columns to where the cameras are.\n"
                         "cameras:\n  bind:\n");
-    for (int i = 0; i < s->count && i < cfg->rows * cfg->cols; i++) {
+    for (int i = 0; i < s->count; i++) {
         const bool serial = serial_is_unique(s, i);
-        int row, col;
+        struct cli_place at = s->shots[i].place;
 
-        sst_array_place(cfg, i, &row, &col);
-        fprintf(out.stream, "    - { row: %d, col: %d, %s%s: \"%s\"", row, col,
+        for (int most = TAKEN_NOT; at.row < 0 && most < TAKEN; most++)
+            at = first_free(taken, cfg, most);
+        if (at.row < 0) {
+            over++;
+            continue;
+        }
+        fprintf(out.stream, "    - { row: %d, col: %d, %s%s: \"%s\"", at.row, at.col,
                 s->shots[i].genicam ? "kind: genicam, " : "", serial ? "serial" : "port",
                 serial ? s->shots[i].device.serial : s->shots[i].device.port);
         if (s->shots[i].device.nth > 1)
             fprintf(out.stream, ", node: %d", s->shots[i].device.nth);
         fprintf(out.stream, " }\n");
     }
+    if (over)
+        sst_log_warning("%s: %d camera%s no free position in the array of %dx%d and %s left out; raise array: rows or cols",
+                        path, over, over == 1 ? " has" : "s have", cfg->rows, cfg->cols, over == 1 ? "is" : "are");
     return sst_outfile_commit(&out);
 }
 
@@ -374,6 +467,8 @@ static int choose(struct session *s, const struct sst_array_config *cfg, const c
     if (!err)
         cli_places(place, cfg, devices, count);
     for (int i = 0; !err && i < count && s->count < SST_CAMERAS_MAX; i++) {
+        if (place[i].row >= 0)
+            s->connected[place[i].row * cfg->cols + place[i].col] = true;
         if ((serial && strcmp(serial, devices[i].serial) != 0) || (port && strcmp(port, devices[i].port) != 0) ||
             (*devices[i].left_out && place[i].row < 0))
             continue;
@@ -433,7 +528,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "serial", 0, CLI_STRING, &serial, "S", "only the camera of this serial" },
         { "port", 0, CLI_STRING, &port, "P", "only the camera at this USB port or address" },
         { "output", 'o', CLI_MADE, &dir, "DIR", "folder for the pictures (identify)" },
-        { "write", 0, CLI_FILE, &write, "FILE", "write a `bind:` section in the order of ports" },
+        { "write", 0, CLI_FILE, &write, "FILE", "write a proposal of the `bind:` section" },
         { "config", 'c', CLI_STRING, &config, "FILE", "configuration of the array (/etc/sst/sstd.yaml)" },
         { "json", 0, CLI_FLAG, &json, NULL, "print one JSON object" },
     };

@@ -7,7 +7,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/clock.h"
 #include "base/log.h"
 #include "capture/array/capture.h"
 #include "cli/identify_internal.h"
@@ -58,13 +57,18 @@ static void on_frame(void *arg, struct sst_frame *f)
     sst_genicam_release(s->genicam, f);
 }
 
-/* Is a picture outstanding of a camera that can still deliver it? */
-static bool any_waiting(const struct session *s, int cameras)
+static enum sst_grab_state state_of(const struct session *s, int cam)
 {
-    for (int i = 0; i < cameras; i++)
-        if (!s->shots[s->index[i]].image.width && sst_genicam_camera_state(s->genicam, i) != SST_GRAB_REFUSED)
-            return true;
-    return false;
+    return sst_genicam_camera_state(s->genicam, cam);
+}
+
+static int poll_grab(struct session *s)
+{
+    struct pollfd fd = { .fd = sst_genicam_fd(s->genicam), .events = POLLIN };
+
+    (void)poll(&fd, 1, 100);
+    sst_genicam_poll(s->genicam);
+    return 0;
 }
 
 /* By address where it is one: two makers may use one serial. */
@@ -82,7 +86,6 @@ int identify_genicams(struct session *s, const struct sst_array_config *array)
     const struct sst_grab_events events = { s, on_frame, identify_state };
     struct sst_genicam_binding binding[SST_CAMERAS_MAX];
     struct sst_genicam_config cfg;
-    int64_t end_ns;
     int err;
 
     sst_capture_genicam_config(&cfg, array);
@@ -101,16 +104,9 @@ int identify_genicams(struct session *s, const struct sst_array_config *array)
     err = sst_genicam_open(&s->genicam, &cfg, &events);
     if (err)
         return err;
-    s->missing = cfg.cameras;
     sst_genicam_start(s->genicam);
-    end_ns = sst_clock_now_ns() + PICTURE_NS;
-    while (s->missing && any_waiting(s, cfg.cameras) && sst_clock_now_ns() < end_ns) {
-        struct pollfd fd = { .fd = sst_genicam_fd(s->genicam), .events = POLLIN };
-
-        (void)poll(&fd, 1, 100);
-        sst_genicam_poll(s->genicam);
-    }
+    err = identify_wait(s, &(struct identify_grab){ cfg.cameras, state_of, poll_grab });
     sst_genicam_close(s->genicam);
     s->genicam = NULL;
-    return 0;
+    return err;
 }

@@ -25,15 +25,26 @@ struct session {
     int count;
     struct sst_masks *masks; /* of the shots; NULL: none */
     struct sst_masks_set *masked;
+    bool connected[SST_CAMERAS_MAX]; /* positions, row by row, whose V4L2 camera is there, also of those left out */
     /* of the running grab */
     struct sst_grab *grab;
     struct sst_genicam *genicam;
     int index[SST_CAMERAS_MAX], missing;
 };
 
+/** A running grab of either kind. */
+struct identify_grab {
+    int cameras;
+    enum sst_grab_state (*state)(const struct session *s, int cam);
+    int (*poll)(struct session *s); /* 100 ms at most; @return events or -errno */
+};
+
 /* identify.c: a frame becomes its camera's picture, unless the camera has one; reports of cameras. */
 void identify_frame(struct session *s, struct sst_frame *f);
 void identify_state(void *arg, int cam, enum sst_grab_state state, const char *why);
+
+/** Wait until each camera of s->index has a picture or was refused, 6 s at most. @return 0 or -errno */
+SST_MUST_CHECK int identify_wait(struct session *s, const struct identify_grab *grab);
 
 /* identify_genicam.c */
 

@@ -464,7 +464,7 @@ complete -c sst -n '__sst_at identify' -s h -l help -d 'explain, with an example
 complete -c sst -n '__sst_at identify' -l serial -r -d 'only the camera of this serial'
 complete -c sst -n '__sst_at identify' -l port -r -d 'only the camera at this USB port or address'
 complete -c sst -n '__sst_at identify' -s o -l output -r -d 'folder for the pictures (identify)'
-complete -c sst -n '__sst_at identify' -l write -r -d 'write a `bind:` section in the order of ports'
+complete -c sst -n '__sst_at identify' -l write -r -d 'write a proposal of the `bind:` section'
 complete -c sst -n '__sst_at identify' -s c -l config -r -d 'configuration of the array (/etc/sst/sstd.yaml)'
 complete -c sst -n '__sst_at identify' -l json -d 'print one JSON object'
 complete -c sst -n __fish_use_subcommand -f -a topology -d 'show the tree of USB controllers, hubs and cameras'

@@ -43,7 +43,19 @@ grep -q 'row 0 col 2: no camera with serial SIM9999' err || fail "missing camera
 
 "$sst" identify --serial SIM0003 --config array.yaml -o pictures --write bind.yaml >out 2>err || fail "identify: $(cat err)"
 [ -s pictures/identify.png ] && [ "$(find pictures -name '*_SIM0003.png' | wc -l)" -eq 1 ] || fail "pictures: $(ls pictures)"
-grep -q 'row: 0, col: 0, serial: "SIM0003"' bind.yaml || fail "bindings: $(cat bind.yaml)"
+grep -q 'row: 0, col: 1, serial: "SIM0003"' bind.yaml || fail "bindings: $(cat bind.yaml)"
+
+# Another camera is put at a free position, or in place of one that is not connected; in a full array it is left out.
+proposal() { # CONFIG WORDS
+  "$sst" identify --serial SIM0004 --config "$1" -o pictures --write bind.yaml >/dev/null 2>err || fail "identify of another: $(cat err)"
+  grep -q "$2" bind.yaml err || fail "$1: $(cat bind.yaml err)"
+}
+proposal array.yaml 'row: 0, col: 2, serial: "SIM0004"'
+sed 's/cols: 3/cols: 4/' array.yaml >wider.yaml
+proposal wider.yaml 'row: 0, col: 3, serial: "SIM0004"'
+sed 's/cols: 3/cols: 2/; /SIM9999/d' array.yaml >full.yaml
+proposal full.yaml '1 camera has no free position in the array of 1x2'
+[ "$(grep -c serial bind.yaml)" -eq 0 ] || fail "a full array: $(cat bind.yaml)"
 
 cp array.yaml before.yaml
 "$sst" identify --config array.yaml -o pictures --write ./array.yaml >/dev/null 2>err && fail "a configuration is replaced by bindings"
@@ -59,6 +71,17 @@ assert os.path.exists(d["sheet"])
 PY
 "$sst" cameras --config all.yaml --json | python3 -c 'import json, sys
 assert all("row" in c for c in json.load(sys.stdin)["cameras"])' || fail "proposed bindings"
+
+# Cameras that do not open: an error for each, by its position.
+"$sim" fault camera.3.busy=1 camera.7.busy=1
+sed '/SIM9999/d' array.yaml >two.yaml
+"$sst" identify --config two.yaml --serial SIM0003 -o none >out 2>err && fail "a picture of a busy camera"
+[ "$(grep -c 'camera row 0, col 1 (serial SIM0003): another program' err)" -eq 1 ] || fail "busy: $(cat err)"
+"$sst" identify --config two.yaml -o some >out 2>err || fail "identify of the others: $(cat err)"
+[ "$(grep -c 'another program' err)" -eq 2 ] && ! grep -q 'camera [0-9]' err || fail "busy ones: $(cat err)"
+"$sst" capture array --config two.yaml -n 1 -o rec >out 2>err && fail "sets of busy cameras"
+[ "$(grep -c 'another program' err)" -eq 2 ] && grep -q 'camera row 0, col 0 (serial SIM0007): another' err || fail "capture: $(cat err)"
+"$sim" fault camera.3.busy=0 camera.7.busy=0
 
 # A camera that another program has, one that hangs, one that is gone.
 "$sim" fault camera.5.busy=1 camera.6.slow_open_ms=5000 camera.8.unplug=1
