@@ -25,7 +25,7 @@ struct session {
     int count;
     struct sst_masks *masks; /* of the shots; NULL: none */
     struct sst_masks_set *masked;
-    bool connected[SST_CAMERAS_MAX]; /* positions, row by row, whose V4L2 camera is there, also of those left out */
+    bool connected[SST_CAMERAS_MAX]; /* positions, row by row, with a V4L2 camera that is there, asked for or not */
     /* of the running grab */
     struct sst_grab *grab;
     struct sst_genicam *genicam;

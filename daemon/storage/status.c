@@ -270,7 +270,7 @@ void sst_storage_report(struct sst_storage *s, struct sst_storage_report *out)
         out->ring_s = (double)(now_ns - out->ring.oldest_ns) * 1e-9;
     catalog = s->catalog;
     e = s->active_name[0] ? catalog_find(&catalog, s->active_name) : NULL;
-    /* Not the last one that was reported: who was refused just now wants to know why. */
+    /* As it is now: a client that was refused asks before sst-state has reported it. */
     trouble = trouble_locked(s, out->reason);
     out->state = state_of(trouble);
     out->limit = trouble != SST_TROUBLE_LIMIT && trouble != SST_TROUBLE_LIMIT_LOW ? 0 : s->limit_quota ? 1 : 2;

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Checks of the built packages: check.sh DIST [lintian|quick|piuparts|autopkgtest|again|first|emulated]...; all but the last without a name (it
-# runs the arm64 packages of Debian 12). A line for each, logs in build/packages/DIST/. Needs root, an archive, and for autopkgtest's virtual
+# runs the arm64 packages). A line for each, logs in build/packages/DIST/. Needs root, an archive, and for autopkgtest's virtual
 # machine /dev/kvm (else a root folder, without systemd; TESTBED=root chooses it).
 # SPDX-FileCopyrightText: 2026 The sst contributors
 # SPDX-License-Identifier: Apache-2.0
@@ -87,7 +87,7 @@ check_first() {
 
 check_emulated() {
   local rc
-  scripts/packages/emulated.sh >"$logs/emulated.log" 2>&1
+  scripts/packages/emulated.sh "$dist" >"$logs/emulated.log" 2>&1
   rc=$?
   judge "emulated: $(tail -n 1 "$logs/emulated.log")" $rc "$logs/emulated.log"
 }

@@ -1,20 +1,17 @@
 #!/usr/bin/env bash
-# Programs of the arm64 packages in an emulator, with the libraries of Debian 12: emulated.sh. A small light field is drawn and
-# matched, with the same pixels as by the programs in SST_BUILD (build); the service checks a configuration.
+# Programs of the arm64 packages in an emulator, with the packages that they depend on: emulated.sh DIST. A small light field is drawn
+# and matched, with the same pixels as by the programs in SST_BUILD (build); the service checks a configuration.
 # SPDX-FileCopyrightText: 2026 The sst contributors
 # SPDX-License-Identifier: Apache-2.0
 set -eu
 cd "$(dirname "$0")/../.."
-out=$PWD/build/packages/bookworm/arm64 build=$(realpath "${SST_BUILD-build}")
-scripts/arm64/sysroot.sh build/packages/arm64-libraries all
+dist=$1
+out=build/packages/$dist/arm64 build=$(realpath "${SST_BUILD-build}") root=$PWD/build/packages/$dist/arm64-root
+mapfile -t debs < <(find "$out" -name '*_arm64.deb' ! -name '*-dbgsym_*' ! -name '*-dev_*' | sort)
+RELEASE=$dist scripts/arm64/sysroot.sh "$root" "${debs[@]}"
 tmp=$(mktemp -d)
 trap 'rm -rf "$tmp"' EXIT
-root=$tmp/root
-cp -a build/packages/arm64-libraries "$root"
-for deb in "$out"/*_arm64.deb; do
-  [[ $deb = *-dbgsym_* ]] || dpkg-deb -x "$deb" "$root"
-done
-emulated() { qemu-aarch64 -cpu max,pauth-impdef=on -L "$root" "$root$@"; }
+emulated() { qemu-aarch64 -cpu max,pauth-impdef=on -L "$root" "$root$1" "${@:2}"; }
 for f in "$root"/usr/bin/sst "$root"/usr/bin/sst-sim "$root"/usr/sbin/sst{d,-rtsp,-mqtt,-onvif}; do
   file -L "$f" | grep -q 'ARM aarch64' || { echo "$f is not for arm64" >&2; exit 1; }
   emulated "${f#"$root"}" --help >/dev/null || { echo "${f##*/} --help fails" >&2; exit 1; }
@@ -38,4 +35,4 @@ for f in files:
 PY
 echo "array: {rows: 2, cols: 2}" >sstd.yaml
 emulated /usr/sbin/sstd --check --config sstd.yaml >/dev/null
-echo "$(ls "$out"/*_arm64.deb | grep -vc dbgsym) packages; programs start; views and maps are those of $(dpkg --print-architecture)"
+echo "${#debs[@]} packages; programs start; views and maps are those of $(dpkg --print-architecture)"
