@@ -82,7 +82,7 @@ static int check_config(const struct sst_render_config *cfg)
     for (size_t i = 0; i < ARRAY_LEN(values); i++) {
         if (isgreaterequal(values[i].v, values[i].min) && islessequal(values[i].v, values[i].max))
             continue; /* not for NaN, quietly */
-        sst_log_error("render: %s %g is outside %g..%g", values[i].name, values[i].v, values[i].min, values[i].max);
+        sst_log_error("render: %s %g is outside %.10g..%.10g", values[i].name, values[i].v, values[i].min, values[i].max);
         return -EINVAL;
     }
     return 0;
