@@ -14,16 +14,46 @@
 #define ARRIVED    1          /* added to a disparity that is projected onto a pixel; 0: none is */
 #define BARRED     UINT16_MAX /* in its place where no pixel is left: no disparity is larger */
 
+/* Places of pixels in a neighbour at whole disparities, from their own place in the view under check on. */
+struct places {
+    int count;
+    int32_t across[SST_DISPARITY_MAX_STEPS], down[SST_DISPARITY_MAX_STEPS];
+    int32_t at[SST_DISPARITY_MAX_STEPS]; /* values of the map, row by row */
+    int least[2], most[2];               /* of across, of down */
+};
+
 /* A neighbour, and where a pixel of the view under check lies in it. */
 struct neighbour {
     const struct sst_map_u16 *disp;
     struct sst_shift across, down;
+    struct places places;
 };
 
-struct neighbours {
-    struct neighbour view[SST_MAX_NEIGHBOURS];
-    int count;
+/* A row of the view under check. */
+struct checked_row {
+    const struct neighbour *view;
+    int views, width, y;
 };
+
+static void find_places(struct neighbour *n, int steps)
+{
+    const int row = (int)(n->disp->stride / sizeof(*n->disp->data)), far = 2 * SST_IMAGE_MAX_SIDE;
+    struct places *p = &n->places;
+
+    p->count = sst_min_int(steps, SST_DISPARITY_MAX_STEPS);
+    for (int d = 0; d < p->count; d++) {
+        const int at[2] = { sst_clamp_int(sst_shifted(0, n->across, d * (int)SST_DISP_SCALE), -far, far),
+                            sst_clamp_int(sst_shifted(0, n->down, d * (int)SST_DISP_SCALE), -far, far) };
+
+        p->across[d] = at[0];
+        p->down[d] = at[1];
+        p->at[d] = (int32_t)((int64_t)at[1] * row + at[0]);
+        for (int axis = 0; axis < 2; axis++) {
+            p->least[axis] = d ? sst_min_int(p->least[axis], at[axis]) : at[axis];
+            p->most[axis] = d ? sst_max_int(p->most[axis], at[axis]) : at[axis];
+        }
+    }
+}
 
 /* True if view n holds disparity d (1/64 px) at the point to which d maps pixel (x, y). */
 static bool agrees(const struct neighbour *n, int x, int y, int d_q6)
@@ -34,62 +64,105 @@ static bool agrees(const struct neighbour *n, int x, int y, int d_q6)
     if ((unsigned)xn >= (unsigned)n->disp->width || (unsigned)yn >= (unsigned)n->disp->height)
         return false;
     there = sst_map_u16_row(n->disp, yn)[xn];
-    return there != (int)SST_DISP_NONE && abs(there - d_q6) <= AGREE_Q6;
+    return there != (int)SST_DISP_NONE && d_q6 != (int)SST_DISP_NONE && abs(there - d_q6) <= AGREE_Q6;
 }
 
-/* True if view n agrees at some whole disparity below `steps`. The points lie along a line of the view: its pixels stay
- * in the cache for all steps. */
-static bool agrees_somewhere(const struct neighbour *n, int x, int y, int steps)
+static bool is_inside(const struct neighbour *n, int x, int y, int d)
 {
-    const int width = n->disp->width, height = n->disp->height;
-    int64_t across = n->across.at, down = n->down.at;
-
-    for (int d = 0; d < steps; d++) {
-        const int xn = x + (int)(across >> 16), yn = y + (int)(down >> 16);
-
-        if ((unsigned)xn < (unsigned)width && (unsigned)yn < (unsigned)height) {
-            const int there = sst_map_u16_row(n->disp, yn)[xn];
-
-            if (there != (int)SST_DISP_NONE && abs(there - d * (int)SST_DISP_SCALE) <= AGREE_Q6)
-                return true;
-        }
-        across += n->across.step * (int64_t)SST_DISP_SCALE;
-        down += n->down.step * (int64_t)SST_DISP_SCALE;
-    }
-    return false;
+    return (unsigned)(x + n->places.across[d]) < (unsigned)n->disp->width &&
+           (unsigned)(y + n->places.down[d]) < (unsigned)n->disp->height;
 }
 
-static uint8_t check_pixel(const struct neighbours *n, int x, int y, uint16_t d_q6, int steps)
+/* The first whole disparity at which view n agrees; -1: none. The points lie along a line of the view: it is inside for
+ * one range of disparities. */
+static int find_agreement(const struct neighbour *n, int x, int y)
 {
-    for (int i = 0; i < n->count && d_q6 != SST_DISP_NONE; i++) {
-        if (agrees(&n->view[i], x, y, d_q6))
-            return SST_DISPARITY_CORRECT;
+    const struct places *p = &n->places;
+    const uint16_t *own = sst_map_u16_row(n->disp, y) + x;
+    int d = 0, end = p->count;
+
+    if (x + p->least[0] < 0 || x + p->most[0] >= n->disp->width || y + p->least[1] < 0 ||
+        y + p->most[1] >= n->disp->height) {
+        while (d < end && !is_inside(n, x, y, d))
+            d++;
+        while (d < end && !is_inside(n, x, y, end - 1))
+            end--;
     }
-    for (int i = 0; i < n->count; i++) {
-        if (agrees_somewhere(&n->view[i], x, y, steps))
-            return SST_DISPARITY_MISMATCH;
+    /* SST_DISP_NONE is farther than that from all of them. */
+    for (; d < end; d++) {
+        if ((unsigned)(own[p->at[d]] - d * (int)SST_DISP_SCALE + AGREE_Q6) <= 2 * AGREE_Q6)
+            return d;
     }
-    return SST_DISPARITY_OCCLUSION;
+    return -1;
+}
+
+/* Leave out of a list of columns where view n agrees with the pixels' own disparities. @return how many stay */
+static int drop_correct(uint16_t *column, int columns, const struct neighbour *n, const uint16_t *d, int y)
+{
+    int left = 0;
+
+    for (int i = 0; i < columns; i++) {
+        const int x = column[i];
+
+        column[left] = (uint16_t)x;
+        left += !agrees(n, x, y, d[x]);
+    }
+    return left;
+}
+
+/* The same where view n agrees at any whole disparity. The pixel beside a pixel is mostly of the same surface. */
+static int drop_seen(uint16_t *column, int columns, const struct neighbour *n, int y)
+{
+    int left = 0, last = -1;
+
+    for (int i = 0; i < columns; i++) {
+        const int x = column[i];
+        const int step =
+            last >= 0 && agrees(n, x, y, last * (int)SST_DISP_SCALE) ? last : find_agreement(n, x, y);
+
+        column[left] = (uint16_t)x;
+        left += step < 0;
+        last = step < 0 ? last : step;
+    }
+    return left;
+}
+
+/* A row, view by view: places of pixels side by side in a view lie in the same lines of the cache. */
+static void check_row(uint8_t *status, const uint16_t *d, const struct checked_row *r, uint16_t *column)
+{
+    int left = r->width;
+
+    for (int x = 0; x < r->width; x++) {
+        column[x] = (uint16_t)x;
+        status[x] = SST_DISPARITY_CORRECT;
+    }
+    for (int i = 0; i < r->views && left; i++)
+        left = drop_correct(column, left, &r->view[i], d, r->y);
+    for (int i = 0; i < left; i++)
+        status[column[i]] = SST_DISPARITY_MISMATCH;
+    for (int i = 0; i < r->views && left; i++)
+        left = drop_seen(column, left, &r->view[i], r->y);
+    for (int i = 0; i < left; i++)
+        status[column[i]] = SST_DISPARITY_OCCLUSION;
 }
 
 void sst_disparity_check_views(struct sst_map_u8 *status, const struct sst_map_u16 *disp_q6,
                                const struct sst_checked_views *from, int steps)
 {
-    struct neighbours n = { .count = from->count };
+    struct neighbour view[SST_MAX_NEIGHBOURS];
+    struct checked_row row = { view, from->count, disp_q6->width, 0 };
+    uint16_t column[SST_IMAGE_MAX_SIDE];
 
-    for (int i = 0; i < n.count; i++) {
+    for (int i = 0; i < from->count; i++) {
         const struct sst_checked_view *v = &from->view[i];
 
-        n.view[i] = (struct neighbour){ v->disp_q6, sst_shift_by(-v->bx, from->disp_min_px),
-                                        sst_shift_by(-v->by, from->disp_min_px) };
+        view[i].disp = v->disp_q6;
+        view[i].across = sst_shift_by(-v->bx, from->disp_min_px);
+        view[i].down = sst_shift_by(-v->by, from->disp_min_px);
+        find_places(&view[i], steps);
     }
-    for (int y = 0; y < disp_q6->height; y++) {
-        const uint16_t *d = sst_map_u16_row(disp_q6, y);
-        uint8_t *out = sst_map_u8_row(status, y);
-
-        for (int x = 0; x < disp_q6->width; x++)
-            out[x] = check_pixel(&n, x, y, d[x], steps);
-    }
+    for (; row.y < disp_q6->height; row.y++)
+        check_row(sst_map_u8_row(status, row.y), sst_map_u16_row(disp_q6, row.y), &row, column);
 }
 
 /* Where pixels are left to fill: their number in the square cells above and to the left of each cell's corner. */
@@ -243,28 +316,41 @@ static int places(int from, int step, int size)
     return step > 0 ? (2 * (size - 1 - from) + 1) >> (step - 1) : (2 * from + 1) >> (-step - 1);
 }
 
+/* The first of the places of a direction that is correct; 0: none. */
+static int nearest_correct(const struct sst_map_u8 *status, const int8_t step[2], int x, int y)
+{
+    const int most = sst_min_int(places(x, step[0], status->width), places(y, step[1], status->height));
+    const ptrdiff_t stride = (ptrdiff_t)status->stride, whole = step[1] * stride + step[0];
+    const ptrdiff_t odd = step[1] / 2 * stride + step[0] / 2;
+    const uint8_t *at = sst_map_u8_row(status, y) + x;
+    int r = 1;
+
+    for (; r < most; r += 2, at += whole) {
+        if (at[odd] == SST_DISPARITY_CORRECT)
+            return r;
+        if (at[whole] == SST_DISPARITY_CORRECT)
+            return r + 1;
+    }
+    return r == most && at[odd] == SST_DISPARITY_CORRECT ? r : 0;
+}
+
 /* Median of the nearest correct pixels in all directions (lower one of an even number); NONE if there is none. */
 static uint16_t median_around(const struct sst_map_u16 *disp, const struct sst_map_u8 *status, int x, int y)
 {
-    const ptrdiff_t stride = (ptrdiff_t)status->stride;
-    const uint8_t *own = sst_map_u8_row(status, y) + x;
     uint16_t v[DIRECTIONS];
     int n = 0;
 
     for (int k = 0; k < DIRECTIONS; k++) {
-        const int dx = direction[k][0], dy = direction[k][1];
-        const int most = sst_min_int(places(x, dx, disp->width), places(y, dy, disp->height));
-        int r = 1, at;
+        const int r = nearest_correct(status, direction[k], x, y);
         uint16_t found;
+        int place;
 
-        while (r <= most && own[dy * r / 2 * stride + dx * r / 2] != SST_DISPARITY_CORRECT)
-            r++;
-        if (r > most)
+        if (!r)
             continue;
-        found = sst_map_u16_row(disp, y + dy * r / 2)[x + dx * r / 2];
-        for (at = n++; at > 0 && v[at - 1] > found; at--)
-            v[at] = v[at - 1];
-        v[at] = found;
+        found = sst_map_u16_row(disp, y + direction[k][1] * r / 2)[x + direction[k][0] * r / 2];
+        for (place = n++; place > 0 && v[place - 1] > found; place--)
+            v[place] = v[place - 1];
+        v[place] = found;
     }
     return n ? v[(n - 1) / 2] : (uint16_t)SST_DISP_NONE;
 }
