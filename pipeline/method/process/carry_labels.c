@@ -66,19 +66,24 @@ static void gather_row(const struct gathered_row *to, struct process_rays *rays,
     for (int i = 0; i < n && rays->count; i++) {
         const int view = s->at[i].view;
         const struct sst_map_f32 *entropy = to->entropy ? &out->entropy[view] : NULL;
+        float spare;
         int left = 0;
 
         process_rays_find(rays, &c->lf->views[view], out->packed[view], &s->at[i]);
-        for (int k = 0; k < rays->count; k++) {
+        for (int k = 0; k < rays->count; k++) { /* what is shown is hard to predict: no branches */
             const int32_t at = rays->at[k];
             const uint8_t label = rays->label[k];
             const int x = (int)(rays->own[k] >> SST_RAY_COLUMN);
 
             to->label[x] = label;
             if (to->source)
-                to->source[x] = at >= 0 && to->source[x] == n ? (uint8_t)i : to->source[x];
-            if (entropy && label != SST_LABEL_NONE)
-                to->entropy[x] = sst_map_f32_row(entropy, at >> 16)[at & 0xFFFF];
+                to->source[x] = (at >= 0) & (to->source[x] == n) ? (uint8_t)i : to->source[x];
+            if (entropy) {
+                const int32_t there = at < 0 ? 0 : at;
+                float *own = label == SST_LABEL_NONE ? &spare : &to->entropy[x];
+
+                *own = sst_map_f32_row(entropy, there >> 16)[there & 0xFFFF];
+            }
             rays->own[left] = rays->own[k];
             left += label == SST_LABEL_NONE;
         }

@@ -164,15 +164,21 @@ static void clear_paths(const struct sweep *s, uint8_t *path[2], uint8_t *least[
     }
 }
 
-/* Disparity of a plane, between planes by the parabola through its sum and its neighbours. */
-static int between_planes(const struct sweep *s, int plane, int before, int sum, int after)
+/* Disparities of planes, between planes by the parabola through their sums and their neighbours'. Quotients are at most
+ * half a step away from 0 and at least 1/1020 from the next whole number: floats divide as whole numbers would. */
+static void between_planes(uint16_t *disp, const struct sweep *s, uint8_t *const row[5])
 {
-    const int curve = before - 2 * sum + after, slope = s->step * (before - after);
-    int d = plane * s->step;
+    const int most = s->in->range * 64;
 
-    if (before < 255 && after < 255 && curve > 0)
-        d += (slope + (slope < 0 ? -curve : curve)) / (2 * curve);
-    return sst_clamp_int(d, 0, s->in->range * 64);
+    for (int x = 0; x < s->width; x++) {
+        const int before = row[BEFORE][x], sum = row[SUM][x], after = row[AFTER][x];
+        const int curve = before - 2 * sum + after, slope = s->step * (before - after);
+        const int part = (int)((float)(slope + (slope < 0 ? -curve : curve)) / (float)sst_max_int(2 * curve, 1));
+        const bool fits = (before < 255) & (after < 255) & (curve > 0);
+        const int d = row[PLANE][x] * s->step + (fits ? part : 0);
+
+        disp[x] = (uint16_t)sst_clamp_int(d, 0, most);
+    }
 }
 
 static void choose_row(const struct mapped *m, int y)
@@ -192,8 +198,7 @@ static void choose_row(const struct mapped *m, int y)
     uint16_t *disp = sst_map_u16_row(s->in->view[m->k].disp, y);
 
     sst_kernels_get()->consensus_choose_row(&choice, padded(s));
-    for (int x = 0; x < s->width; x++)
-        disp[x] = (uint16_t)between_planes(s, row[PLANE][x], row[BEFORE][x], row[SUM][x], row[AFTER][x]);
+    between_planes(disp, s, row);
     memcpy(sst_map_u8_row(s->in->view[m->k].cost, y), row[COST], (size_t)s->width);
 }
 
