@@ -114,11 +114,15 @@ void hypothesis_choose_row(const struct hypothesis_lists *l, int y, uint16_t *di
         const uint16_t *sum = l->sum + pixel * SST_HYPOTHESES;
         int best = 0, next = 65535;
 
+        if (l->count[pixel] < 2) {
+            disp[x] = l->count[pixel] ? l->hypothesis[pixel * SST_HYPOTHESES] : (uint16_t)SST_DISP_NONE;
+            continue;
+        }
         for (int i = 1; i < l->count[pixel]; i++)
             best = sum[i] < sum[best] ? i : best;
         for (int i = 0; i < l->count[pixel]; i++)
             next = i != best && sum[i] < next ? sum[i] : next;
-        disp[x] = l->count[pixel] ? l->hypothesis[pixel * SST_HYPOTHESES + (size_t)best] : (uint16_t)SST_DISP_NONE;
+        disp[x] = l->hypothesis[pixel * SST_HYPOTHESES + (size_t)best];
         if (best)
             confidence[x] = (uint8_t)(255 * (next - sum[best]) / (next - sum[best] + 128));
     }
