@@ -85,6 +85,7 @@ FAKE_PLAIN(recordings)
 FAKE_PLAIN(cases)
 FAKE_PLAIN(push)
 FAKE_PLAIN(zones)
+FAKE_PLAIN(masks)
 FAKE_PLAIN(calibration_check)
 FAKE_BODY(record)
 FAKE_BODY(zones_change)
@@ -366,6 +367,7 @@ static int make_service(void **state)
                              .view_remove = fake_view_change,
                              .reload = fake_reload,
                              .zones = fake_zones,
+                             .masks = fake_masks,
                              .zones_change = fake_zones_change,
                              .record = fake_record,
                              .snapshot = fake_snapshot,

@@ -60,6 +60,7 @@ struct sst_api {
                        struct sst_api_answer *out);
     int (*reload)(void *arg, bool dry_run, struct sst_api_answer *out);
     int (*zones)(void *arg, struct sst_api_answer *out);
+    int (*masks)(void *arg, struct sst_api_answer *out);
     /** Other zones as a whole; the configuration file of the page is written and applied, or nothing happens. */
     int (*zones_change)(void *arg, const json_t *request, struct sst_api_answer *out);
     int (*record)(void *arg, const json_t *request, struct sst_api_answer *out);

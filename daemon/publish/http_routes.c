@@ -74,6 +74,7 @@
     X("GET", "/api/v1/push", VIEW, "Notifications: key, number of subscriptions", push)                                \
     X("POST", "/api/v1/push", VIEW, "Subscribe this browser to notifications, or end that", push_change)               \
     X("GET", "/api/v1/zones", VIEW, "Zones of the picture that are watched or ignored", zones)                         \
+    X("GET", "/api/v1/masks", VIEW, "Privacy masks of the configuration", masks)                                       \
     X("POST", "/api/v1/zones", CONTROL, "Other zones: the whole list", zones_change)                                   \
     X("POST", "/api/v1/reload", CONTROL, "Reload the configuration", reload)                                           \
     X("POST", "/api/v1/publishers", VIEW, "Report of a program on this machine that publishes", publishers)            \
@@ -156,6 +157,7 @@ PLAIN(labels, labels, q->live, "labels")
 PLAIN(tracks, tracks, q->live, "tracks")
 PLAIN(views, views, q->live, "views")
 PLAIN(zones, zones, api_of(q)->arg, "zones")
+PLAIN(masks, masks, api_of(q)->arg, "masks")
 PLAIN(recordings, recordings, api_of(q)->arg, "recordings")
 PLAIN(push, push, api_of(q)->arg, "notifications")
 PLAIN(cases, cases, api_of(q)->arg, "videos")

@@ -322,6 +322,7 @@ void service_api(struct sst_service *s)
         .view_remove = engine_remove,
         .reload = service_apply,
         .zones = service_zones,
+        .masks = service_masks,
         .zones_change = service_zones_change,
         .record = record,
         .snapshot = snapshot,

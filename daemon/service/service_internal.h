@@ -404,8 +404,9 @@ bool service_hosts_problem(struct service_array *array, char *why, size_t size);
 /* reload.c */
 int service_apply(void *arg, bool dry_run, struct sst_api_answer *out);
 
-/* zones.c: zones drawn on the page, kept in web.zones_file */
+/* zones.c: zones drawn on the page, kept in web.zones_file; masks, which only the configuration sets */
 int service_zones(void *arg, struct sst_api_answer *out);
+int service_masks(void *arg, struct sst_api_answer *out);
 int service_zones_change(void *arg, const json_t *request, struct sst_api_answer *out);
 
 /* cases.c: videos for others, notifications */

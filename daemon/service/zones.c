@@ -1,4 +1,4 @@
-/* Zones drawn on the page: read as JSON, kept as a configuration file of their own, applied by a reload. */
+/* Zones drawn on the page: read as JSON, kept as a configuration file of their own, applied by a reload. Masks as JSON. */
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
@@ -83,6 +83,34 @@ int service_zones(void *arg, struct sst_api_answer *out)
 
     free(c);
     return err;
+}
+
+static json_t *mask_json(const struct sst_config_mask *m)
+{
+    const bool place = m->row < 0;
+    double x[SST_MASK_POINTS], y[SST_MASK_POINTS];
+    const int n = sst_mask_corners(m, x, y);
+    json_t *points = json_array();
+
+    for (int i = 0; i < n; i++)
+        json_array_append_new(points, json_pack("[f, f]", x[i], y[i]));
+    return json_pack("{s:s, s:o, s:o, s:o, s:o, s:o}", "name", m->name, "row", place ? json_null() : json_integer(m->row),
+                     "col", place ? json_null() : json_integer(m->col), "points", points, "near_px", limit_json(m->near_px),
+                     "far_px", limit_json(place ? m->far_px : INFINITY));
+}
+
+int service_masks(void *arg, struct sst_api_answer *out)
+{
+    struct sst_config *c = copy_config(arg);
+    json_t *list = json_array();
+
+    for (int i = 0; c && i < c->array.masks; i++)
+        json_array_append_new(list, mask_json(&c->array.mask[i]));
+    out->body = c ? json_pack("{s:o}", "masks", list) : NULL;
+    if (!c)
+        json_decref(list);
+    free(c);
+    return out->body ? 0 : -ENOMEM;
 }
 
 /* --- from JSON: only types and sizes; the configuration's own reader checks the values --- */

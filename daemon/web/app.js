@@ -13,6 +13,7 @@ import { Health } from "/web/health.js";
 import { Keys } from "/web/keys.js";
 import { Labels } from "/web/labels.js";
 import { Light } from "/web/light.js";
+import { Masks } from "/web/masks.js";
 import { Notify } from "/web/notify.js";
 import { Push } from "/web/push.js";
 import { recordedMoment } from "/web/recorded.js";
@@ -94,12 +95,21 @@ const adjust = new Adjust(app, () => {
   app.view.renew(kept);
   app.stage.plain?.renew({ ...kept, method: "refocus" });
 });
-const cameras = new Cameras((name) => app.stage.overlays.showCamera(name));
+const cameras = new Cameras((name) => app.stage.overlays.showCamera(name), (name, button) => app.masks.openFor(name, button));
 new Light();
 new Sessions();
 const zones = new Zones(app);
-for (const [button, other] of [["zones", () => adjust.toggle(false)], ["adjust", () => zones.toggle(false)]])
-  $(button).addEventListener("click", () => { if (!$("drawer").hidden && zones.open) other(); });
+const closeZones = () => { if (zones.open) zones.toggle(false); };
+const closeAdjust = () => { if (!$("drawer").hidden) adjust.toggle(false); };
+app.masks = new Masks(app, () => {
+  closeZones();
+  closeAdjust();
+});
+for (const [button, other] of [["zones", closeAdjust], ["adjust", closeZones]])
+  $(button).addEventListener("click", () => {
+    other();
+    if (app.masks.open) app.masks.toggle(false, false);
+  });
 const health = new Health();
 app.replay = new Replay(() => {
   if (!app.replay.open && cutBefore) {

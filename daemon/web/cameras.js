@@ -23,9 +23,10 @@ const stateOf = (camera) => STATES[camera.state] ?? UNKNOWN;
 const drops = (camera) => camera.lost + camera.bad;
 
 export class Cameras {
-  /** @param onLarge  (name) => void: show this camera in the large place */
-  constructor(onLarge) {
+  /** @param onLarge  (name) => void: show this camera in the large place @param onMasks  (name, button) => void: and its masks */
+  constructor(onLarge, onMasks) {
     this.onLarge = onLarge;
+    this.onMasks = onMasks;
     this.list = [];
     this.cells = new Map();
     this.history = new Map(); // name -> [{now, drops}] of the last minute
@@ -165,7 +166,8 @@ export class Cameras {
     const close = el("button", { type: "button", class: "icon", "aria-label": "Close", onclick: () => this.choose(name) },
       icon("close"));
     const large = el("button", { type: "button", class: "small", onclick: () => this.onLarge(name) }, "Large");
-    card.replaceChildren(el("div", { class: "card-head" }, el("h2", {}, name), parts.state, large, close),
+    const masks = el("button", { type: "button", class: "small", title: "Parts of its frames that are black", onclick: () => this.onMasks(name, masks) }, "Masks");
+    card.replaceChildren(el("div", { class: "card-head" }, el("h2", {}, name), parts.state, large, masks, close),
       el("div", { class: "thumbnail" }, parts.picture, parts.none), parts.reason, parts.facts);
     card.setAttribute("aria-label", `Camera ${name}`);
     return parts;

@@ -42,6 +42,12 @@ export class Overlays {
     this.set("camera", name);
   }
 
+  /** Shows the picture again, with no overlay. */
+  showPicture() {
+    for (const radio of $("overlay").querySelectorAll("input")) radio.checked = radio.value === "";
+    this.set("");
+  }
+
   set(kind, camera = this.reference) {
     clearTimeout(this.timer);
     this.stream?.stop();
@@ -53,6 +59,7 @@ export class Overlays {
     $("opacity-box").hidden = $("legend").hidden = kind === "" || kind === "camera";
     if (kind === "camera") this.startCamera(camera);
     else if (kind) this.draw(kind, 0);
+    this.app.masks?.pictureChanged();
   }
 
   startCamera(name) {

@@ -145,6 +145,7 @@ class Service:
         self.sessions = [{"session": f"{n:012x}", "role": role, "user": role, "address": address, "agent": agent, "since": stamp(), "seen": stamp(), "own": n == 1}
                          for n, role, address, agent in ((1, "control", "127.0.0.1", "Mozilla/5.0 (X11; Linux x86_64) Chrome/140.0"),
                                                          (2, "view", "192.168.1.7", "Mozilla/5.0 (iPhone; CPU iPhone OS 18) Safari/605"))]
+        self.masks = [{"name": "window", "row": 0, "col": 1, "points": [[0.7, 0], [1, 0], [1, 0.3], [0.7, 0.3]], "near_px": None, "far_px": None}]
         self.zones = [{"name": "gate", "points": [[0.1, 0.4], [0.4, 0.4], [0.4, 0.9], [0.1, 0.9]], "near_px": None, "far_px": None,
                        "labels": [], "mask": False, "line": False, "direction": "both"}]
         began = now() - datetime.timedelta(seconds=age_s)
@@ -409,7 +410,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
             merge(s.patch, body.get("status", {}))
             for name, patch in body.get("cameras", {}).items():
                 s.camera_patch.setdefault(name, {}).update(patch)
-            for key in ("role", "views_max", "refuse", "hold", "old", "computing", "stall", "preview", "hold_videos", "tracks", "many"):
+            for key in ("role", "views_max", "refuse", "hold", "old", "computing", "stall", "preview", "hold_videos", "tracks", "many", "masks"):
                 if key in body:
                     setattr(s, key, body[key])
             for e in body.get("events", []):
@@ -482,6 +483,8 @@ class Handler(http.server.BaseHTTPRequestHandler):
             self.answer(200, s.recordings())
         elif path == "/api/v1/zones":
             self.answer(200, s.zones_json())
+        elif path == "/api/v1/masks":
+            self.answer(200, {"masks": s.masks})
         elif path == "/api/v1/sessions":
             self.answer(200, {"sessions": [one for one in s.sessions if one["own"] or s.role == "control"]})
         elif path == "/api/v1/tokens":

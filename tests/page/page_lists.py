@@ -589,6 +589,71 @@ def test_zones(b, fake):
     b.js("document.getElementById('toasts').replaceChildren()")
 
 
+def test_masks(b, fake):
+    """A mask of a camera is drawn by the mouse and by keys, moved, deleted; a place has a distance; the lines for the configuration are whole."""
+    shown = "[...document.querySelectorAll('#mask-marks .zone-name')].map((n) => n.textContent).join()"
+    text = "document.getElementById('mask-lines').value"
+    b.click("#tab-overview")
+    b.wait("document.querySelector('.cell[data-name=r0c1]')?.checkVisibility()")
+    b.js("document.querySelector('.cell[data-name=r0c1]').click()")
+    b.wait("!document.getElementById('camera').hidden")
+    b.js("[...document.querySelectorAll('#camera button')].find((n) => n.textContent === 'Masks').click()")
+    b.wait("document.getElementById('mask-of').value === 'r0c1' && document.getElementById('tag-left').textContent.startsWith('Camera r0c1')")
+    b.wait(f"{shown} === 'window' && document.getElementById('mask-changes').hidden")
+    b.click("#mask-new")
+    b.wait("document.activeElement === document.getElementById('stage')")
+    x, y, w, h = b.box("#stage")
+    b.drag((x - 0.2 * w, y - 0.1 * h), (x + 0.1 * w, y + 0.2 * h))
+    b.wait("document.querySelectorAll('#mask-marks .corner:not(.more)').length === 4 && document.activeElement.id === 'mask-name'")
+    b.click("#mask-keep")
+    b.wait("document.getElementById('mask-error').textContent.includes('needs a name')")
+    b.js("document.getElementById('mask-name').focus()")
+    b.call("Input.insertText", text="Back door")
+    b.js("document.querySelector('#mask-marks .corner').focus()")
+    b.key("ArrowLeft", 37)
+    b.click("#mask-keep")
+    b.wait("!document.getElementById('mask-changes').hidden")
+    window, door = b.js(text).splitlines()[2:]
+    check(window == '    - { name: window, row: 0, col: 1, points: "0.7,0 1,0 1,0.3 0.7,0.3" }', f"another mask changed: {window}")
+    check(door.startswith('    - { name: back-door, row: 0, col: 1, points: "0.29'), f"lines: {door}")
+    check("not in force" in b.js("document.getElementById('mask-list').textContent"), "the new mask looks as if it were in force")
+    b.js("document.getElementById('mask-of').value = ''; document.getElementById('mask-of').dispatchEvent(new Event('change'))")
+    b.wait(f"{shown} === '' && !document.getElementById('tag-left').textContent.startsWith('Camera')")
+    b.js("document.getElementById('mask-new').click()")  # a place, by keys alone
+    b.wait("document.activeElement === document.getElementById('stage')")
+    for name, code, times in (("ArrowLeft", 37, 3), ("ArrowDown", 40, 5), ("ArrowRight", 39, 6)):
+        for _ in range(times):
+            b.key(name, code)
+        b.key("Enter", 13, "\r")
+    b.js("document.getElementById('mask-done').click()")
+    b.call("Input.insertText", text="garden")
+    b.js("document.getElementById('mask-keep').click()")
+    b.wait("document.getElementById('mask-error').textContent.includes('how near')")
+    b.js("(() => { const n = document.getElementById('mask-near-exact'); n.value = '5'; n.dispatchEvent(new Event('change')); })()")
+    b.js("document.getElementById('mask-keep').click()")
+    b.wait(f"{text}.includes('garden')")
+    near = float(b.js(text).splitlines()[-1].split("near_px: ")[1].split(",")[0])
+    check(abs(near - 560 * 0.12 / 5) < 0.01, f"5 m are {near} px")
+    b.js("document.querySelectorAll('#mask-list .zone')[1].click()")  # its camera is shown again
+    b.wait("document.getElementById('tag-left').textContent.startsWith('Camera r0c1')")
+    b.js("document.getElementById('mask-delete').click()")
+    b.wait(f"document.getElementById('mask-list').children.length === 2 && !{text}.includes('back-door')")
+    fake.set(masks=[{"name": "window", "row": 0, "col": 1, "points": [[0.7, 0], [1, 0], [1, 0.3], [0.7, 0.3]], "near_px": None, "far_px": None},
+                    {"name": "garden", "row": None, "col": None, "far_px": 0.0, "near_px": near,
+                     "points": json.loads("[[" + b.js(text).split('points: "')[2].split('"')[0].replace(" ", "],[") + "]]")}])
+    b.wait("document.getElementById('mask-changes').hidden")  # they are in force by now
+    fake.set(role="view")
+    b.wait("document.getElementById('mask-new').getAttribute('aria-disabled') === 'true'")
+    fake.set(role="control")
+    b.wait("!document.getElementById('mask-new').hasAttribute('aria-disabled')")
+    b.key("Escape", 27)
+    b.wait("document.getElementById('masks-drawer').hidden")
+    check(b.js(shown) == "window", "the masks of the camera that is shown are not outlined")
+    b.js("document.querySelector('#overlay input[value=\"\"]').click()")
+    b.wait(f"{shown} === ''")
+    b.js("document.querySelector('#camera .card-head .icon').click(); document.getElementById('toasts').replaceChildren()")
+
+
 def test_video(b, fake):
     """Videos for others: two clicks from a card to a file; a span of what is played; cancelled ones are not saved."""
     saved = lambda: [r["path"] for r in fake.log() if r["method"] == "GET" and ".mp4" in r["path"]]
@@ -671,4 +736,4 @@ def test_push(b, fake):
     b.click("#tab-overview")
 
 
-TESTS = [test_cameras, test_events, test_recordings, test_visits, test_review, test_calendar, test_video, test_timeline, test_notify, test_push, test_replay, test_replay_waits, test_zones]
+TESTS = [test_cameras, test_events, test_recordings, test_visits, test_review, test_calendar, test_video, test_timeline, test_notify, test_push, test_replay, test_replay_waits, test_zones, test_masks]

@@ -87,6 +87,11 @@ black r1c0.jpg 18 98 46 120 2>/dev/null && fail "the mask of one camera is in an
 get /snapshot/main main.jpg
 is_black main.jpg $right
 [ "$(curl -sf --unix-socket c.sock http://x/api/v1/cameras | /usr/bin/python3 -c 'import json, sys; print(sum(c["masked"] > 0.25 for c in json.load(sys.stdin)["cameras"]))')" = 4 ] || fail "shares"
+get /api/v1/masks masks.json
+/usr/bin/python3 -c 'import json
+garden, window = json.load(open("masks.json"))["masks"]
+assert garden == {"name": "garden", "row": None, "col": None, "points": [[0.6, 0], [1, 0], [1, 1], [0.6, 1]], "near_px": 4, "far_px": 0}, garden
+assert (window["row"], window["col"], window["near_px"], len(window["points"])) == (1, 1, None, 4), window' || fail "masks for the page"
 "$sst" status >out && grep -Eq '^  masks +2; black: r0c0 [0-9]+ %, .*r1c1 [0-9]+ %$' out || fail "status: $(cat out)"
 # Streams are made of the same pictures: the first of each.
 for s in /stream /stream/camera/r1c1; do
