@@ -71,6 +71,8 @@ static void close_live(struct live_engine *v)
     v->state.cut_px = v->state.searched_min_px = v->state.searched_max_px = NAN;
     pthread_mutex_unlock(&v->lock);
     engine_tracks_follow(v);
+    if (v->kept)
+        engine_visits_follow(v, NULL, 0);
     sst_live_close(live);
     sst_use_calibration_fini(&v->use);
     sst_posed_fini(&v->poses);
@@ -337,7 +339,8 @@ static int watch(struct live_engine *v, const struct sst_kept *kept, enum engine
     return 0;
 }
 
-static void process_set(struct live_engine *v, const struct sst_kept *kept, uint64_t dropped, enum engine_demand demand)
+/** @return it was processed, or watched */
+static bool process_set(struct live_engine *v, const struct sst_kept *kept, uint64_t dropped, enum engine_demand demand)
 {
     int err = -ENOTSUP;
 
@@ -349,9 +352,16 @@ static void process_set(struct live_engine *v, const struct sst_kept *kept, uint
         err = watch(v, kept, demand);
     if (err == -ENOTSUP) /* also of frames with changes that only decoding shows */
         err = update(v, kept, dropped);
-    if (!err)
-        notify_storage(v, kept, &v->report);
-    if (!err && v->events) /* of the present, not of a recording */
+    return !err;
+}
+
+/** Work on a set for which no viewer has to wait, with the frames borrowed: visits and their pictures, recordings, notices. */
+static void follow_set(struct live_engine *v, const struct sst_kept *kept)
+{
+    if (v->kept && v->set_t_ns == kept->set.t_ns) /* else it was only watched */
+        engine_visits_follow(v, v->track, v->tracks);
+    notify_storage(v, kept, &v->report);
+    if (v->events) /* of the present, not of a recording */
         engine_notice_follow(v);
 }
 
@@ -444,7 +454,7 @@ static int64_t step(struct live_engine *v)
     uint64_t dropped = 0;
     double rate_hz;
     int64_t due_ns, took_ns = 0;
-    bool restart;
+    bool restart, done;
 
     follow_zones(v);
     pthread_mutex_lock(&v->lock);
@@ -463,8 +473,13 @@ static int64_t step(struct live_engine *v)
     if (kept && !restart) {
         v->last = kept->number;
         v->last_ns = sst_clock_now_ns();
-        process_set(v, kept, dropped, demand);
+        done = process_set(v, kept, dropped, demand);
         v->tried_t_ns = kept->set.t_ns;
+        if (done) { /* pictures for viewers come before all else */
+            engine_serve(v);
+            publish(v);
+            follow_set(v, kept);
+        }
         sst_ring_unref(v->ring, kept);
         took_ns = sst_clock_now_ns() - v->last_ns;
     }

@@ -274,7 +274,7 @@ void engine_preview_show_locked(struct live_engine *v, struct view *e);
 void engine_preview_end(struct live_engine *v);
 
 /* engine_tracks.c */
-/** Tracks of the last set, and the events of new and ended ones. Live thread. */
+/** Tracks of the last set, for views, clients and visits. Live thread. */
 void engine_tracks_follow(struct live_engine *v);
 /** The track of this id, or at a point of the reference view at about this disparity. NULL: none */
 const struct sst_live_track *engine_track_locked(const struct live_engine *v, uint32_t id);

@@ -23,8 +23,6 @@ void engine_tracks_follow(struct live_engine *v)
     v->tracks_t_ns = v->set_t_ns;
     engine_removed_locked(v);
     pthread_mutex_unlock(&v->lock);
-    if (v->kept)
-        engine_visits_follow(v, track, n);
 }
 
 const struct sst_live_track *engine_track_locked(const struct live_engine *v, uint32_t id)

@@ -441,11 +441,39 @@ static void publish_overlay(struct live_engine *v, enum sst_livepicture_overlay 
     }
 }
 
+/** Views with viewers, or the others. @return pictures that were made */
+static int publish_views(struct live_engine *v, bool watched, int64_t ns[2])
+{
+    int made = 0;
+
+    for (int i = 0; i < VIEWS_MAX; i++) {
+        bool turn;
+
+        pthread_mutex_lock(&v->lock);
+        turn = v->view[i].used && (sst_slot_clients(v->view[i].slot) > 0) == watched;
+        pthread_mutex_unlock(&v->lock);
+        made += turn && publish_view(v, &v->view[i], false, ns);
+    }
+    return made;
+}
+
+static void note_latency(struct live_engine *v, const int64_t ns[2])
+{
+    const int64_t now_ns = sst_clock_now_ns();
+
+    pthread_mutex_lock(&v->lock);
+    window_add(&v->state.latency_ms, (double)(now_ns - v->set_t_ns) / 1e6, now_ns);
+    window_add(&v->state.stage_ms[ENGINE_RENDER], (double)ns[0] / 1e6, now_ns);
+    window_add(&v->state.stage_ms[ENGINE_ENCODE], (double)ns[1] / 1e6, now_ns);
+    pthread_mutex_unlock(&v->lock);
+    v->latency_due = false;
+}
+
 void engine_publish(struct live_engine *v)
 {
     int64_t ns[2] = { 0, 0 };
     bool outdated;
-    int made = 0;
+    int made;
 
     expire(v);
     pthread_mutex_lock(&v->lock);
@@ -453,8 +481,10 @@ void engine_publish(struct live_engine *v)
     pthread_mutex_unlock(&v->lock);
     if ((!v->set_index && !v->set_t_ns) || outdated)
         return; /* no set yet, or another moment of the recording is to come */
-    for (int i = 0; i < VIEWS_MAX; i++)
-        made += publish_view(v, &v->view[i], false, ns);
+    made = publish_views(v, true, ns); /* a viewer waits for no picture that is only recorded */
+    if (made && v->latency_due)
+        note_latency(v, ns);
+    made += publish_views(v, false, ns);
     engine_follow_device(v);
     publish_overlay(v, SST_LIVE_LABELS_PICTURE);
     publish_overlay(v, SST_LIVE_DISPARITY_PICTURE);
@@ -463,15 +493,9 @@ void engine_publish(struct live_engine *v)
     engine_preview_end(v);
     pthread_mutex_lock(&v->lock);
     v->state.pictures += (uint64_t)made;
-    if (v->latency_due) {
-        const int64_t now_ns = sst_clock_now_ns();
-
-        window_add(&v->state.latency_ms, (double)(now_ns - v->set_t_ns) / 1e6, now_ns);
-        window_add(&v->state.stage_ms[ENGINE_RENDER], (double)ns[0] / 1e6, now_ns);
-        window_add(&v->state.stage_ms[ENGINE_ENCODE], (double)ns[1] / 1e6, now_ns);
-    }
     pthread_mutex_unlock(&v->lock);
-    v->latency_due = false;
+    if (v->latency_due)
+        note_latency(v, ns);
 }
 
 /* --- requests from outside ---------------------------------------------------------------------------------------- */
