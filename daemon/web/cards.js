@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: Apache-2.0
 
 const ROWS_BEYOND = 2; // above and below the view
+const SPARE = 24; // cards that have left, for others
 
 export class Cards {
   /** @param box  the grid: all cards are as high as the first
@@ -14,14 +15,18 @@ export class Cards {
     this.onEnd = onEnd;
     this.items = []; // {visit: key, ...}
     this.rows = new Map();
+    this.spare = [];
     this.height = 0; // of a row of cards with its gap
+    this.across = 0; // cards in a row
+    this.range = ""; // of the rows in the page
     this.width = 0;
-    const later = () => { this.frame ??= requestAnimationFrame(() => this.draw()); };
+    const later = () => { this.frame ??= requestAnimationFrame(() => this.draw(false)); };
     document.addEventListener("scroll", later, { capture: true, passive: true });
     new ResizeObserver(() => {
       if (box.clientWidth === this.width) return; // it is as high as its cards
       this.width = box.clientWidth;
-      this.height = 0;
+      this.height = this.across = 0;
+      this.range = "";
       later();
     }).observe(box);
   }
@@ -35,31 +40,35 @@ export class Cards {
     return Math.max(getComputedStyle(this.box).gridTemplateColumns.split(" ").length, 1);
   }
 
-  /** Draws the cards near the view, and moves to none. */
-  draw() {
+  /** Draws the cards near the view, and moves to none. @param all  also cards that are there already, whose items may have changed */
+  draw(all = true) {
     cancelAnimationFrame(this.frame);
     this.frame = null;
     if (!this.box.checkVisibility()) return;
     if (!this.height && this.items.length) this.measure();
-    const columns = this.columns();
+    const columns = this.across || this.columns();
     const rows = Math.ceil(this.items.length / columns);
     const top = this.box.getBoundingClientRect().top;
     const first = Math.min(Math.max(Math.floor(-top / this.height) - ROWS_BEYOND, 0), Math.max(rows - 1, 0)) || 0;
     const last = Math.min(Math.ceil((innerHeight - top) / this.height) + ROWS_BEYOND, rows) || 0;
-    this.fill(first * columns, Math.max(last, first + 1) * columns);
+    const range = `${first} ${last} ${rows}`;
+    if (this.items.length && last >= rows - ROWS_BEYOND) this.onEnd();
+    if (!all && range === this.range) return;
+    this.range = range;
+    this.fill(first * columns, Math.max(last, first + 1) * columns, all);
     this.box.style.paddingTop = `${first * this.height}px`;
     this.box.style.paddingBottom = `${Math.max(rows - Math.max(last, first + 1), 0) * this.height}px`;
-    if (this.items.length && last >= rows - ROWS_BEYOND) this.onEnd();
   }
 
   measure() {
-    if (!this.rows.size) this.fill(0, this.columns());
+    if (!this.rows.size) this.fill(0, this.columns(), true);
     const node = this.box.firstElementChild;
     this.height = node.offsetHeight + parseFloat(getComputedStyle(this.box).rowGap || 0);
+    this.across = this.columns();
   }
 
   /** Cards of items from one place to before another. */
-  fill(from, to) {
+  fill(from, to, all) {
     const shown = this.items.slice(from, to);
     const wanted = new Set(shown.map((item) => item.visit));
     for (const [key, row] of this.rows)
@@ -67,14 +76,16 @@ export class Cards {
         this.card.drop(row);
         row.node.remove();
         this.rows.delete(key);
+        if (this.spare.length < SPARE) this.spare.push(row);
       }
     shown.forEach((item, i) => {
       let row = this.rows.get(item.visit);
-      if (!row) this.rows.set(item.visit, row = this.card.build());
+      const there = row !== undefined;
+      if (!there) this.rows.set(item.visit, row = this.spare.pop() ?? this.card.build());
       if (this.box.children[i] !== row.node) this.box.insertBefore(row.node, this.box.children[i] ?? null);
-      row.node.setAttribute("aria-posinset", from + i + 1);
-      row.node.setAttribute("aria-setsize", this.items.length);
-      this.card.show(row, item);
+      for (const [name, value] of [["aria-posinset", from + i + 1], ["aria-setsize", this.items.length]])
+        if (row.node.getAttribute(name) !== String(value)) row.node.setAttribute(name, value);
+      if (all || !there) this.card.show(row, item);
     });
   }
 

@@ -234,6 +234,7 @@ export class Visits {
   drop(row) {
     this.cycle(row, false);
     forget(row.node);
+    row.shown = "";
   }
 
   /** Under the pointer the pictures of a visit follow each other. */

@@ -60,6 +60,7 @@ def main():
     fake.start()
     b = cdp.Browser()
     try:
+        b.call("Accessibility.disable")  # its tree of all nodes is no part of the page
         b.size(1440, 900)
         b.go(fake.url)
         b.wait("document.readyState === 'complete' && document.querySelectorAll('#visits .visit').length > 0")
