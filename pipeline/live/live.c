@@ -102,6 +102,7 @@ static int update_scene(struct sst_live *live, const struct sst_live_input *in, 
     int err = sst_livescene_update(live->scene, &live->changes, in, done);
 
     live->ready = err ? live->ready : done->ready;
+    live->late = err ? live->late : done->late;
     if (!err && !isnan(done->confirmed))
         live->confirmed = done->confirmed;
     if (!err && !isnan(done->confirmed))

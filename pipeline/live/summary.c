@@ -150,7 +150,7 @@ int live_summarize(struct sst_live *live, int64_t t_ns)
 
     if (!live->ready)
         return 0;
-    if (live->counted != live->serial) {
+    if (live->counted != live->serial && !live->late) {
         live->sampled = sst_render_sample_views(&live->lf, live->sample);
         err = sst_parallel_for(2, live->cfg.threads, count_job, live);
         if (err)

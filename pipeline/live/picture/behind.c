@@ -159,6 +159,18 @@ static bool count_holes(struct picture_behind *b, const struct sst_map_u8 *weigh
     return any;
 }
 
+/* Cells with holes: those of the last maps, or of these. @return any */
+static bool find_holes(struct picture_behind *b, const struct sst_live *live, const struct sst_map_u8 *weight)
+{
+    bool any = false;
+
+    if (!live->late || !b->planned)
+        return count_holes(b, weight);
+    for (int i = 0; i < b->cols * b->rows; i++)
+        any |= b->cell[i].holes > 0;
+    return any;
+}
+
 /* Mean agreement of a cell's pixels. */
 static float score(const struct picture_behind *b, const struct sst_map_u8 *agreed, int at)
 {
@@ -250,7 +262,7 @@ bool picture_behind_render(struct picture_behind *b, const struct sst_live *live
 {
     int err = 0;
 
-    if (!live->low_confidence || isnan(live->focus.focus_px) || reserve(b, &live->lf) || !count_holes(b, weight) ||
+    if (!live->low_confidence || isnan(live->focus.focus_px) || reserve(b, &live->lf) || !find_holes(b, live, weight) ||
         update_plans(b, live, cut_px))
         return false;
     mark_stale(b, live);

@@ -343,13 +343,19 @@ static int decorate(struct picture_clear *c)
     return err || !c->outline ? err : draw_outlines(c);
 }
 
+/* The maps are of an earlier set: only rays that agree behind dense leaves show something. */
+static bool is_late(const struct picture_clear *c)
+{
+    return c->live->late && c->rendered && c->behind.planned && isfinite(c->cfg.cut_px);
+}
+
 int picture_clear_render(struct picture_clear *c, const struct sst_render_config *cfg, struct picture_look look,
                          struct sst_image *image, int64_t *rendered_px)
 {
     const struct sst_live *live = c->live;
     struct sst_render_config wanted = *cfg;
     const struct sst_render_merge step = { merge, c, &c->surface, &c->support,
-                                           live->cfg.skip_change ? &c->kept : NULL };
+                                           live->cfg.skip_change ? &c->kept : NULL, is_late(c) };
     bool changed;
     int err = 0;
 

@@ -248,6 +248,17 @@ static int render_clear(struct sst_livepicture *p, const struct sst_render_confi
     return err;
 }
 
+/* Are there no maps yet of the set that the picture would show, with the settings that it has? */
+static bool is_waiting(const struct sst_livepicture *p, const struct sst_render_config *cfg)
+{
+    struct sst_render_config wanted = *cfg;
+
+    if (!p->live->late || !p->planned || p->is_clear || p->present_serial != p->live->present_serial)
+        return false;
+    picture_resolve(&wanted, p->live);
+    return picture_same_settings(&wanted, &p->cfg);
+}
+
 int sst_livepicture_render(struct sst_livepicture *p, const struct sst_render_config *cfg,
                            const struct sst_image **image, int64_t *rendered_px)
 {
@@ -269,6 +280,11 @@ int sst_livepicture_render(struct sst_livepicture *p, const struct sst_render_co
         return -ENODATA;
     if (cfg->method == SST_RENDER_CLEAR)
         return render_clear(p, cfg, image, rendered_px);
+    if (is_waiting(p, cfg)) {
+        *image = &p->image;
+        *rendered_px = 0;
+        return 0;
+    }
     p->is_clear = false;
     picture_resolve(&wanted, live);
     whole = !p->planned || !picture_same_settings(&wanted, &p->cfg) || p->present_serial != live->present_serial ||

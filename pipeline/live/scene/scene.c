@@ -18,6 +18,11 @@
 #define LABEL_SCALE 1.0
 /* Above this fraction of changed tiles everything is computed. */
 #define WHOLE_SHARE 0.8
+/* Where this fraction of the disparities at most is confirmed and this one of the tiles moves, as dense leaves do, maps
+ * are made only so often: between, pictures show surfaces on which rays agree. */
+#define LATE_CONFIRMED 0.95
+#define LATE_SHARE     0.5
+#define LATE_NS        350000000
 /* Part of a box that must have a label. */
 #define RECOGNISED 0.15
 
@@ -237,6 +242,25 @@ static void clean(struct sst_livescene *s)
     s->ready = true;
 }
 
+/* May the maps stay those of an earlier set? */
+static bool may_wait(const struct sst_livescene *s, int64_t tiles)
+{
+    int64_t all = 0;
+
+    if (!s->cfg->skip_change || !s->ready || !s->ranged || s->whole_next || !(s->confirmed < LATE_CONFIRMED) ||
+        s->t_ns - s->maps_t_ns >= LATE_NS || s->t_ns <= s->maps_t_ns)
+        return false;
+    for (int k = 0; k < s->keys; k++)
+        if (s->key_whole[k])
+            return false;
+    for (int view = 0; view < s->views; view++) {
+        if (s->lf->views[view].present && !s->lf->views[view].disp.data)
+            return false;
+        all += s->lf->views[view].present ? s->tiles : 0;
+    }
+    return (double)tiles > LATE_SHARE * (double)all;
+}
+
 /* Compute the changed tiles, as far as possible. */
 static int compute_changes(struct sst_livescene *s, struct sst_liveframes_changes *changes,
                            struct sst_live_report *report)
@@ -262,12 +286,18 @@ static int compute_changes(struct sst_livescene *s, struct sst_liveframes_change
         scene_rest_range(s);
         return 0;
     }
+    if (may_wait(s, tiles)) {
+        s->late_t_ns = s->t_ns;
+        report->late = true;
+        return scene_label_ahead(s, report);
+    }
     err = scene_find_range(s);
     if (err || !s->ranged)
         return err;
     err = scene_compute(s, report);
     if (err)
         return err;
+    s->maps_t_ns = s->t_ns;
     report->label_runs = s->label_runs;
     report_changes(s, changes);
     clean(s);
@@ -328,7 +358,7 @@ int sst_livescene_update(struct sst_livescene *s, struct sst_liveframes_changes 
 
     report->stage_ns[SST_LIVE_DISPARITY] = report->stage_ns[SST_LIVE_LABELS] = report->stage_ns[SST_LIVE_REFINE] = 0;
     report->label_runs = 0;
-    report->whole = false;
+    report->whole = report->late = false;
     s->t_ns = in->t_ns;
     err = err ? err : compute_changes(s, changes, report);
     for (int view = 0; view < s->views; view++)
@@ -343,7 +373,7 @@ int sst_livescene_update(struct sst_livescene *s, struct sst_liveframes_changes 
         s->whole_next = true;
     else if (s->ready && !in->unseen)
         scene_start_background(s);
-    if (!err)
+    if (!err && !report->late)
         follow_tracks(s, in->t_ns);
     if (err == -ENOMEM)
         sst_log_error("not enough memory to track the scene; the next set is computed from scratch");

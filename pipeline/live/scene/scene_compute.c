@@ -29,7 +29,8 @@ int scene_open_segmenter(struct sst_livescene *s, int worker)
 
     if (s->segmenters[worker])
         return 0;
-    err = sst_segmenter_open(&s->segmenters[worker], s->cfg->model, s->cfg->precision, 1);
+    err = sst_segmenter_open(&s->segmenters[worker], s->cfg->model, s->cfg->precision,
+                             s->cfg->skip_labels ? s->threads : 1);
     if (!err)
         sst_segmenter_use_runner(s->segmenters[worker], s->networks);
     return err;
@@ -120,22 +121,28 @@ static const uint8_t *dirty_of(const struct sst_livescene *s, int k)
     return s->key_whole[k] ? s->all : s->dirty[s->key[k].view];
 }
 
+static int run_network(struct sst_livescene *s)
+{
+    const int64_t start_ns = sst_clock_now_ns();
+    const int err = sst_segment_hcsm(s->segmenters[0], &s->desc[s->key[0].view].image, &s->labels);
+
+    s->label_ns = sst_clock_now_ns() - start_ns;
+    s->label_runs += !err;
+    return err;
+}
+
 static int match_job(void *arg, int index, int worker)
 {
     struct sst_livescene *s = arg;
     const struct scene_job *job = &s->jobs[index];
-    int64_t start_ns;
-    int err = scene_cancelled(s);
+    const int err = scene_cancelled(s);
 
-    if (err || job->key >= 0)
-        return err ? err
-                   : scene_match(&s->matchers[worker], &(struct scene_pictures){ s->lf, s->desc }, &s->key[job->key],
-                                 &job->rect, (struct scene_dirty){ dirty_of(s, job->key), s->cols });
-    start_ns = sst_clock_now_ns();
-    err = sst_segment_hcsm(s->segmenters[0], &s->desc[s->key[0].view].image, &s->labels);
-    s->label_ns = sst_clock_now_ns() - start_ns;
-    s->label_runs += !err;
-    return err;
+    if (err)
+        return err;
+    if (job->key < 0)
+        return run_network(s);
+    return scene_match(&s->matchers[worker], &(struct scene_pictures){ s->lf, s->desc }, &s->key[job->key], &job->rect,
+                       (struct scene_dirty){ dirty_of(s, job->key), s->cols });
 }
 
 static int area(const struct sst_rect *r)
@@ -168,16 +175,51 @@ static bool label_due(struct sst_livescene *s, int changed)
     return true;
 }
 
-/* The network and the rectangles of all keys, longest jobs first. @return their number */
-static int make_jobs(struct sst_livescene *s)
+static int changed_tiles(const struct sst_livescene *s)
 {
-    struct sst_rect rects[SST_SCENE_RECTS];
-    int count = 0, changed = 0;
+    int changed = 0;
 
     for (int i = 0; i < s->tiles; i++)
         changed += dirty_of(s, 0)[i] == 1;
-    if (label_due(s, changed))
-        s->jobs[count++] = (struct scene_job){ -1, { 0, 0, 2 * s->width, s->height } };
+    return changed;
+}
+
+int scene_label_ahead(struct sst_livescene *s, struct sst_live_report *report)
+{
+    int err = 0;
+
+    s->label_ns = 0;
+    s->label_runs = 0;
+    if (!s->labels.data && label_due(s, changed_tiles(s))) {
+        err = describe_job(s, s->key[0].view, 0);
+        err = err ? err : run_network(s);
+    }
+    report->stage_ns[SST_LIVE_LABELS] = s->label_ns;
+    report->label_runs = s->label_runs;
+    return err;
+}
+
+/* Is the network left to sets without maps of their own? */
+static bool label_later(const struct sst_livescene *s)
+{
+    return s->labels.data || (s->late_t_ns && s->t_ns - s->late_t_ns < LABEL_MOST_NS);
+}
+
+/* The rectangles of all keys, longest jobs first, and the network. On a device it runs beside the others; on the CPU it
+ * takes all threads, before them. @return their number, or an error */
+static int make_jobs(struct sst_livescene *s)
+{
+    struct sst_rect rects[SST_SCENE_RECTS];
+    int count = 0, err = 0;
+
+    if (!label_later(s) && label_due(s, changed_tiles(s))) {
+        if (s->networks)
+            s->jobs[count++] = (struct scene_job){ -1, { 0, 0, 2 * s->width, s->height } };
+        else
+            err = run_network(s);
+    }
+    if (err)
+        return err;
     for (int k = 0; k < s->keys; k++) {
         const int n =
             scene_gather(rects, (struct scene_dirty){ dirty_of(s, k), s->cols }, s->rows, s->width, s->height);
@@ -360,7 +402,7 @@ static int64_t lap(int64_t *from)
 /* Disparities of all dirty tiles of the keys. */
 static int match_keys(struct sst_livescene *s)
 {
-    const int err = sst_parallel_for(make_jobs(s), s->threads, match_job, s);
+    const int jobs = make_jobs(s), err = jobs < 0 ? jobs : sst_parallel_for(jobs, s->threads, match_job, s);
 
     return err ? err : sst_parallel_for(s->keys, s->threads, check_job, s);
 }

@@ -350,6 +350,7 @@ struct sst_livescene {
     int runs;                           /* runs of the network since the labels were fitted */
     int label_wait;                     /* sets until it may run again; 0: at once */
     int64_t t_ns, label_t_ns;           /* of the set; of the set in which the network ran last */
+    int64_t maps_t_ns, late_t_ns;       /* of the set that the maps are of; of the last one without own maps, 0: none */
     struct sst_map_u16 labelled;        /* disparities of the reference key when its cells were labelled */
     uint8_t *dirty[SST_MAX_VIEWS];      /* [tiles] to compute in this set: 1, or SST_SCENE_AGAIN */
     uint8_t *before[SST_MAX_VIEWS];     /* [tiles] 1: changed in the last set with changes; all 0 after a whole one */
@@ -398,6 +399,9 @@ void scene_free_matchers(struct sst_livescene *s);
 
 /** Disparities and labels of all dirty tiles. @return 0, -ECANCELED, -ENOMEM, -EBADMSG (network) */
 SST_MUST_CHECK int scene_compute(struct sst_livescene *s, struct sst_live_report *report);
+
+/** In a set that gets no maps: run the network if it is due, for the next maps. @return as scene_compute() */
+SST_MUST_CHECK int scene_label_ahead(struct sst_livescene *s, struct sst_live_report *report);
 
 /** Open the segmenter of a worker, which runs on the device, if there is one. */
 SST_MUST_CHECK int scene_open_segmenter(struct sst_livescene *s, int worker);

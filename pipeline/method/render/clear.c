@@ -443,10 +443,27 @@ int clear_fill_picture(void *job, int item, int worker SST_UNUSED)
     return err;
 }
 
+/* A picture of holes. */
+static void leave_unseen(struct clear *c)
+{
+    for (int i = 0; i < 3; i++)
+        memset(c->to.image->plane[i], 0, c->to.image->stride * (size_t)c->height);
+    for (int y = 0; y < c->height; y++) {
+        memset(sst_map_u8_row(c->to.weight, y), 0, (size_t)c->width);
+        memset(sst_map_u8_row(c->to.support, y), 0, (size_t)c->width);
+        memset(sst_map_u16_row(c->to.surface, y), 0xFF, (size_t)c->width * sizeof(uint16_t)); /* SST_DISP_NONE */
+    }
+}
+
 static int make_picture(struct clear *c)
 {
     const struct sst_render_merge *merge = c->cfg->merge;
-    int err = clear_place(c) ? 0 : clear_colour(c, 0, 0);
+    int err = 0;
+
+    if (merge && merge->unseen)
+        leave_unseen(c);
+    else
+        err = clear_place(c) ? 0 : clear_colour(c, 0, 0);
 
     if (!err && merge)
         err = merge->merge(merge->arg, c->to.image, c->to.weight);

@@ -47,6 +47,7 @@ struct sst_render_merge {
         *surface;               /* out, stored disparity of the surface; SST_DISP_NONE: a hole; of the picture's size */
     struct sst_map_u8 *support; /* out, rays that agree on the colour, times SST_RENDER_SUPPORT, at most 255 */
     struct sst_render_kept *kept; /* NULL: the whole picture is computed */
+    bool unseen; /* nothing is seen by the maps, as they are of earlier pictures: all weights are 0, and nothing is kept */
 };
 
 /**
