@@ -106,6 +106,7 @@ static int make_plans(struct picture_behind *b, const struct sst_live *live, dou
         picture_resolve(&cfg, live);
         b->plane_px[b->planned] = cfg.focus_px;
         err = sst_render_plan_init(&b->plan[b->planned], live->renderer, &cfg);
+        b->plan[b->planned].votes_only = true;
     }
     b->focus_px = live->focus.focus_px;
     b->cut_px = cut_px;

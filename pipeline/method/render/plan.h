@@ -179,6 +179,7 @@ struct sst_render_plan {
     struct sst_verify_numbers numbers;
     uint8_t *rarity;             /* [SST_AGREE_BINS] owned */
     struct explainer *explainer; /* owned; NULL: all rays vote */
+    bool votes_only; /* the maps assign nothing to the focus: pixels without agreement are undefined */
     struct sst_map_u8 *agreed;   /* out, borrowed: how surely a rendered pixel shows the surface in focus, 0..255: share
                                     of its rays by the maps, or where votes replaced it share of all possible votes, times
                                     24; NULL: not wanted */

@@ -374,6 +374,11 @@ static void render_rows(const struct render_picture *pic, float (*weight)[SST_BL
     struct sums sums[SST_RENDER_CELL_HEIGHT];
     struct render_sink s[SST_RENDER_CELL_HEIGHT];
 
+    if (p->votes_only) {
+        for (int i = 0; i < rows; i++)
+            memset(weight[i], 0, (size_t)n * sizeof(**weight));
+        return;
+    }
     for (int i = 0; i < rows; i++) {
         float *const acc[4] = { sums[i].of[0].sum, sums[i].of[1].sum, sums[i].of[2].sum, sums[i].of[3].sum };
 

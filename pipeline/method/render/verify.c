@@ -413,7 +413,7 @@ static void finish_row(const struct sst_verifier *v, const struct sst_render_pla
         for (int c = 0; c < 3; c++) {
             uint8_t *at = sst_image_row(out, c, y) + x + i;
 
-            *at = sst_verify_mix(by, sums[c][i], sums[3][i], *at);
+            *at = sst_verify_mix(p->votes_only ? 1 : by, sums[c][i], sums[3][i], *at);
         }
     }
 }
