@@ -29,8 +29,7 @@ int scene_open_segmenter(struct sst_livescene *s, int worker)
 
     if (s->segmenters[worker])
         return 0;
-    err = sst_segmenter_open(&s->segmenters[worker], s->cfg->model, s->cfg->precision,
-                             s->cfg->skip_labels ? s->threads : 1);
+    err = sst_segmenter_open(&s->segmenters[worker], s->cfg->model, s->cfg->precision, 1);
     if (!err)
         sst_segmenter_use_runner(s->segmenters[worker], s->networks);
     return err;
@@ -205,21 +204,14 @@ static bool label_later(const struct sst_livescene *s)
     return s->labels.data || (s->late_t_ns && s->t_ns - s->late_t_ns < LABEL_MOST_NS);
 }
 
-/* The rectangles of all keys, longest jobs first, and the network. On a device it runs beside the others; on the CPU it
- * takes all threads, before them. @return their number, or an error */
+/* The network and the rectangles of all keys, longest jobs first. @return their number */
 static int make_jobs(struct sst_livescene *s)
 {
     struct sst_rect rects[SST_SCENE_RECTS];
-    int count = 0, err = 0;
+    int count = 0;
 
-    if (!label_later(s) && label_due(s, changed_tiles(s))) {
-        if (s->networks)
-            s->jobs[count++] = (struct scene_job){ -1, { 0, 0, 2 * s->width, s->height } };
-        else
-            err = run_network(s);
-    }
-    if (err)
-        return err;
+    if (!label_later(s) && label_due(s, changed_tiles(s)))
+        s->jobs[count++] = (struct scene_job){ -1, { 0, 0, 2 * s->width, s->height } };
     for (int k = 0; k < s->keys; k++) {
         const int n =
             scene_gather(rects, (struct scene_dirty){ dirty_of(s, k), s->cols }, s->rows, s->width, s->height);
@@ -402,7 +394,7 @@ static int64_t lap(int64_t *from)
 /* Disparities of all dirty tiles of the keys. */
 static int match_keys(struct sst_livescene *s)
 {
-    const int jobs = make_jobs(s), err = jobs < 0 ? jobs : sst_parallel_for(jobs, s->threads, match_job, s);
+    const int err = sst_parallel_for(make_jobs(s), s->threads, match_job, s);
 
     return err ? err : sst_parallel_for(s->keys, s->threads, check_job, s);
 }
