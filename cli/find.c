@@ -578,14 +578,16 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         s.cfg.by = !strcmp(s.by, "views") ? SST_FIND_VIEWS : SST_FIND_INTEGRAL;
     if (s.out && sst_path_check_output(s.out, s.force, "finds.json", s.paths))
         return CLI_USAGE;
-    r = cli_posed_open(&s.scene, cmd, &s.args, s.path, (char *[]){ NULL });
-    if (r != CLI_GO_ON)
-        return r;
-    r = cli_find_moments_open(&s.moments, &s.scene, s.paths, s.interval_s);
+    r = cli_find_moments_load(&s.moments, s.paths);
     if (r == CLI_GO_ON)
-        r = search(cmd, &s);
+        r = cli_posed_open(&s.scene, cmd, &s.args, s.path, (char *[]){ NULL });
+    if (r == CLI_GO_ON) {
+        r = cli_find_moments_open(&s.moments, &s.scene, s.interval_s);
+        if (r == CLI_GO_ON)
+            r = search(cmd, &s);
+        cli_posed_close(&s.scene);
+    }
     cli_find_moments_close(&s.moments);
-    cli_posed_close(&s.scene);
     return r;
 }
 

@@ -16,16 +16,23 @@ struct find_moments {
 };
 
 /**
- * Moments of a search. One light field has some where its views have moments and two or more of these have two placed
- * views or more; its own times are used where they rise. Several light fields are a moment each.
+ * Several light fields are a moment each: load them and check that they are of one world, before a surface is sought.
  *
- * @param scene       of the only light field
- * @param path        [count]
+ * @param m     zeroed; to be closed also after a failure
+ * @param path  NULL at the end; one light field alone is left to cli_find_moments_open()
+ * @return exit code, CLI_GO_ON; errors are logged
+ */
+int cli_find_moments_load(struct find_moments *m, const char *const *path);
+
+/**
+ * Moments of a search and their times. One light field has some where its views have moments and two or more of these
+ * have two placed views or more; its own times are used where they rise.
+ *
+ * @param scene       of the only light field, or of one of those that are loaded
  * @param interval_s  between moments; 0: the light field's times, or 0.5
  * @return exit code, CLI_GO_ON; errors are logged
  */
-int cli_find_moments_open(struct find_moments *m, const struct posed_scene *scene, const char *const *path,
-                          double interval_s);
+int cli_find_moments_open(struct find_moments *m, const struct posed_scene *scene, double interval_s);
 void cli_find_moments_close(struct find_moments *m);
 
 #endif

@@ -97,6 +97,17 @@ static void check_axes(const struct find_moments *m)
     }
 }
 
+/* In which way a light field is of another world or camera than the first one. @return text for "%s differ in" or NULL */
+static const char *difference(const struct sst_posed *own, const struct sst_posed *first)
+{
+    return own->channels != first->channels         ? "channels: one is grey, the other coloured"
+           : own->bits != first->bits               ? "bits of their levels"
+           : own->metric != first->metric           ? "unit: one is in metres, the other's is unknown"
+           : own->geographic != first->geographic   ? "axes: one alone has a place on the earth"
+                                                    : NULL;
+}
+
+/* Loads the light fields, before anything is computed. */
 static int load(struct find_moments *m, const char *const *path)
 {
     for (; path[m->count]; m->count++) {
@@ -108,17 +119,18 @@ static int load(struct find_moments *m, const char *const *path)
             return err;
         m->path[m->count] = path[m->count];
         m->time_s[m->count] = (double)NAN;
-        if (own->channels != first->channels || own->bits != first->bits || own->metric != first->metric ||
-            own->geographic != first->geographic) {
-            sst_log_error("%s and %s differ in channels, bits or unit of length, or one alone is geographic: they are no moments of one "
-                          "world",
-                          path[0], path[m->count]);
+        if (difference(own, first)) {
+            sst_log_error("%s and %s are no moments of one world, they differ in %s", path[0], path[m->count],
+                          difference(own, first));
         } else if (own->geographic && (fabs(own->latitude - first->latitude) > ORIGIN_MOST ||
                                        fabs(own->longitude - first->longitude) > ORIGIN_MOST ||
                                        fabs(own->altitude_m - first->altitude_m) > 1e-3)) {
             sst_log_error("%s and %s have different origins of their axes; import the pictures of all moments as one light "
                           "field, `sst import ... --moments PATTERN`",
                           path[0], path[m->count]);
+        } else if (sst_posed_placed(own) < 2) {
+            sst_log_error("%s: %s placed, a moment needs two; `sst poses %s` finds poses", path[m->count],
+                          sst_posed_placed(own) ? "one view alone is" : "no view is", path[m->count]);
         } else {
             continue;
         }
@@ -143,16 +155,21 @@ static void set_times(struct find_moments *m, double interval_s)
     }
 }
 
-int cli_find_moments_open(struct find_moments *m, const struct posed_scene *scene, const char *const *path,
-                          double interval_s)
+int cli_find_moments_load(struct find_moments *m, const char *const *path)
 {
-    int err;
+    const int err = path[1] ? load(m, path) : 0;
 
-    *m = (struct find_moments){ 0 };
-    err = path[1] ? load(m, path) : split(m, scene);
+    return err ? cli_exit_code(err) : CLI_GO_ON;
+}
+
+int cli_find_moments_open(struct find_moments *m, const struct posed_scene *scene, double interval_s)
+{
+    const bool several = m->count > 0;
+    const int err = several ? 0 : split(m, scene);
+
     if (err == -ENOMEM)
-        sst_log_error("%s: not enough memory", path[0]);
-    if (err || (!path[1] && m->count < 2))
+        sst_log_error("%s: not enough memory", scene->path);
+    if (!several && (err || m->count < 2))
         cli_find_moments_close(m);
     set_times(m, interval_s);
     return err ? cli_exit_code(err) : CLI_GO_ON;

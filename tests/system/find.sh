@@ -63,7 +63,10 @@ refused() { # exit code, words of the sentence, arguments
   [ $r -eq "$code" ] && [ "$(grep -c error: err)" -eq 1 ] && grep -q "$words" err || fail "find $*: $r, $(cat err)"
 }
 refused 2 "exclude each other" flight --threshold 5 --alarms 2
-refused 3 "channels" walk flight --surface plane:35
+refused 3 "channels: one is grey" walk flight --surface plane:35
+# Light fields that do not go together are refused before the ground is sought, which these would fail.
+"$sst" scene flight -o small --size 64x48 --grid 1x2 -q >out 2>err || fail "scene: $(cat err)"
+refused 3 "no moments of one world" small walk
 refused 2 "not below" flight --least 3 --most 1
 refused 2 "neither ground" flight --surface hill
 refused 2 "is neither nadir nor a view" flight --view gone --surface plane:35
@@ -81,3 +84,4 @@ before=$(md5sum <finds/finds.json)
 refused 3 "pose for every view" bush
 "$sst" scene flight -o lost --size 64x48 --grid 1x2 --unplaced -q >out 2>err || fail "scene: $(cat err)"
 refused 3 "is placed" lost
+refused 3 "no view is placed" flight lost
