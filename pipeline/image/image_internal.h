@@ -92,7 +92,8 @@ struct tiff_geo {
     double x, y, dx, dy; /* as in heights.h */
     int epsg;            /* of the map; 0: unknown */
     bool has_nodata;
-    double nodata;
+    double nodata; /* among the numbers as they are stored; heights are these * scale + offset */
+    double scale, offset;
 };
 
 /** Whether a file in memory begins as a TIFF. */

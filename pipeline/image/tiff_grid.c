@@ -24,6 +24,7 @@
 #define RASTER_POINTS   2
 #define KEY_PROJECTED   3072
 #define KEY_UNIT        3076
+#define KEY_HEIGHT_UNIT 4099
 #define UNIT_METRE      9001
 
 /* Numbers or a text of a tag. The library does not know it, unless another one of this process (GDAL) has registered
@@ -43,9 +44,17 @@ static uint32_t get_numbers(const void **values, const struct tiff_file *f, uint
     return tiff_lib.TIFFGetField(f->tif, tag, &few, values) ? few : 0;
 }
 
-static bool has_text(const char *text, uint32_t n, const char *word)
+/* Number of an item of GDAL's metadata, as <Item name="SCALE" sample="0" role="scale">0.01</Item>; other samples' items
+ * come later. @return 0 or -EBADMSG (no number) */
+static int item_number(double *value, const char *text, const char *role)
 {
-    return memchr(text, '\0', n) && strstr(text, word);
+    const char *at = strstr(text, role);
+    char *end;
+
+    if (!at || !(at = strchr(at, '>')))
+        return 0;
+    *value = strtod(at + 1, &end);
+    return end != at + 1 && *end == '<' && isfinite(*value) ? 0 : -EBADMSG;
 }
 
 /* Keys of GeoTIFF that change the meaning of a place: of areas or points, in degrees, in feet, on which map. */
@@ -67,6 +76,10 @@ static int read_keys(bool *points, int *epsg, const struct tiff_file *f)
         if (key[i] == KEY_UNIT && key[i + 3] != UNIT_METRE)
             return tiff_refuse(f, "whose places are in another unit than metres",
                                "write it in metres, as gdalwarp does");
+        if (key[i] == KEY_HEIGHT_UNIT && key[i + 3] != UNIT_METRE)
+            return tiff_refuse(f, "whose heights are in another unit than metres",
+                               "write them in metres: feet, for example, as gdal_translate -ot Float32 "
+                               "-scale 0 1 0 0.3048 -a_srs EPSG:32633 IN OUT does");
     }
     return 0;
 }
@@ -98,7 +111,7 @@ static int read_place(struct tiff_geo *geo, const struct tiff_file *f)
     return 0;
 }
 
-static void read_gdal(struct tiff_geo *geo, const struct tiff_file *f)
+static int read_gdal(struct tiff_geo *geo, const struct tiff_file *f)
 {
     const void *text;
     uint32_t n = get_numbers(&text, f, TAG_GDAL_NODATA, TIFF_ASCII);
@@ -109,10 +122,13 @@ static void read_gdal(struct tiff_geo *geo, const struct tiff_file *f)
         geo->nodata = strtod(number, &end);
         geo->has_nodata = end != number;
     }
+    geo->scale = 1;
     n = get_numbers(&text, f, TAG_GDAL_METADATA, TIFF_ASCII);
-    if (n && (has_text(text, n, "role=\"scale\"") || has_text(text, n, "role=\"offset\"")))
-        sst_log_warning("%s: scale and offset of its metadata are not applied: its numbers are read as metres",
-                        f->name);
+    if (n && memchr(text, '\0', n) &&
+        (item_number(&geo->scale, text, "role=\"scale\"") || item_number(&geo->offset, text, "role=\"offset\"")))
+        return tiff_refuse(f, "whose metadata have a scale or an offset that is no number",
+                           "write it without, as gdal_translate -unscale -ot Float32 IN OUT does");
+    return 0;
 }
 
 /* A grid that is decoded. */
@@ -138,6 +154,7 @@ static void put_numbers(void *arg, const struct tiff_row *row)
             to[x] = *(const uint16_t *)(const void *)from;
         if (!isfinite(to[x]) || (g->geo->has_nodata && to[x] == (float)g->geo->nodata))
             to[x] = NAN;
+        to[x] = (float)((double)to[x] * g->geo->scale + g->geo->offset);
     }
 }
 
@@ -150,14 +167,15 @@ static int grid_work(void *arg, struct tiff_file *f)
 
     snprintf(what, sizeof(what), "of %d channels of %d bits", f->samples, l->bits);
     if (f->samples != 1 || l->bits != (l->format == SAMPLEFORMAT_IEEEFP ? 32 : 16))
-        return tiff_refuse(f, what, "heights are one channel of 16 bits or of 32-bit floating-point numbers");
+        return tiff_refuse(f, what, "heights are one channel of 16 bits or of 32-bit floating-point numbers, as "
+                                    "gdal_translate -b 1 -ot Float32 IN OUT writes");
     l->channels = 1;
     g->layout = *l;
     err = read_place(g->geo, f);
     err = err ? err : tiff_check_rows(f);
+    err = err ? err : read_gdal(g->geo, f);
     if (err)
         return err;
-    read_gdal(g->geo, f);
     err = sst_map_f32_init(g->map, l->width, l->height);
     return err ? sst_image_size_error(err, f->name, l->width, l->height) : tiff_read_rows(f, put_numbers, g);
 }

@@ -149,7 +149,7 @@ static void register_tags(TIFF *tif)
 /* A terrain to write. Zeros: floats, without any tag of a place. */
 struct terrain {
     int bits, format, channels, tile;
-    bool placed, points, degrees, feet, transformed;
+    bool placed, points, degrees, feet, feet_high, transformed;
     const char *nodata, *metadata;
 };
 
@@ -162,7 +162,8 @@ static void set_places(TIFF *tif, const struct terrain *t)
 {
     const double scale[] = { 0.5, 0.25, 0 }, tie[] = { 1, 2, 0, 7000, 5300, 0 }, matrix[16] = { 1 };
     const uint16_t keys[] = {
-        1, 1, 0, 3, 1024, 0, 1, t->degrees ? 2 : 1, 1025, 0, 1, t->points ? 2 : 1, 3076, 0, 1, t->feet ? 9002 : 9001
+        1, 1, 0, 4, 1024, 0, 1, t->degrees ? 2 : 1, 1025, 0, 1, t->points ? 2 : 1, 3076, 0, 1, t->feet ? 9002 : 9001,
+        4099, 0, 1, t->feet_high ? 9003 : 9001
     };
 
     if (t->placed) {
@@ -270,8 +271,27 @@ static void places_are_those_of_tags(void **state SST_UNUSED)
              &(struct terrain){ .bits = 16, .format = SAMPLEFORMAT_INT, .placed = true, .tile = i, .nodata = "-9999" });
         check("a.tif", 6999750, 5300375, true);
     }
-    make("a.tif", &(struct terrain){ .placed = true, .nodata = "none", .metadata = "<Item role=\"scale\">2</Item>" });
+    make("a.tif", &(struct terrain){ .placed = true, .nodata = "none", .metadata = "<Item name=\"SOURCE\">2</Item>" });
     check("a.tif", 6999750, 5300375, false);
+}
+
+static void scale_and_offset_of_metadata_are_applied(void **state SST_UNUSED)
+{
+    struct sst_heights h;
+
+    make("s.tif", &(struct terrain){ .placed = true,
+                                     .nodata = "-9999",
+                                     .bits = 16,
+                                     .format = SAMPLEFORMAT_INT,
+                                     .metadata = "<GDALMetadata>\n  <Item name=\"OFFSET\" sample=\"0\" role=\"offset\">300"
+                                                 "</Item>\n  <Item name=\"SCALE\" sample=\"0\" role=\"scale\">0.01</Item>\n"
+                                                 "</GDALMetadata>\n" });
+    assert_int_equal(sst_heights_read(&h, test_path("s.tif")), 0);
+    assert_near(at(&h, 5, 1), 300000 + height(5, 1) * 10, 0.1);
+    assert_true(isnan(at(&h, 3, 4)));
+    sst_heights_fini(&h);
+    make("s.tif", &(struct terrain){ .placed = true, .metadata = "<Item role=\"scale\">one</Item>" });
+    refused("s.tif", "a scale or an offset that is no number");
 }
 
 static void world_files_place_too(void **state SST_UNUSED)
@@ -298,6 +318,8 @@ static void wrong_grids_are_refused(void **state SST_UNUSED)
     refused("c.tif", "degrees");
     make("c.tif", &(struct terrain){ .placed = true, .feet = true });
     refused("c.tif", "another unit than metres");
+    make("c.tif", &(struct terrain){ .placed = true, .feet_high = true });
+    refused("c.tif", "heights are in another unit than metres");
     make("c.tif", &(struct terrain){ .placed = true, .transformed = true });
     refused("c.tif", "transformation");
     make("c.tif", &(struct terrain){ .placed = true, .bits = 64 });
@@ -317,6 +339,7 @@ int main(void)
         cmocka_unit_test(wrong_meshes_are_refused),
 #if WITH_TIFF
         cmocka_unit_test(places_are_those_of_tags),
+        cmocka_unit_test(scale_and_offset_of_metadata_are_applied),
         cmocka_unit_test(world_files_place_too),
         cmocka_unit_test(wrong_grids_are_refused),
 #endif
