@@ -24,6 +24,7 @@
 #define RASTER_POINTS   2
 #define KEY_PROJECTED   3072
 #define KEY_UNIT        3076
+#define KEY_HEIGHTS     4096 /* EPSG's number of the vertical reference, which alone GDAL writes */
 #define KEY_HEIGHT_UNIT 4099
 #define UNIT_METRE      9001
 
@@ -57,6 +58,18 @@ static int item_number(double *value, const char *text, const char *role)
     return end != at + 1 && *end == '<' && isfinite(*value) ? 0 : -EBADMSG;
 }
 
+/* Vertical references in feet: NAVD88, Poolbeg, GCVD54, CBVD61. */
+static bool is_in_feet(int epsg)
+{
+    static const int feet[] = { 6360, 8228, 5754, 6130, 6132 };
+
+    for (size_t i = 0; i < ARRAY_LEN(feet); i++) {
+        if (feet[i] == epsg)
+            return true;
+    }
+    return false;
+}
+
 /* Keys of GeoTIFF that change the meaning of a place: of areas or points, in degrees, in feet, on which map. */
 static int read_keys(bool *points, int *epsg, const struct tiff_file *f)
 {
@@ -76,7 +89,7 @@ static int read_keys(bool *points, int *epsg, const struct tiff_file *f)
         if (key[i] == KEY_UNIT && key[i + 3] != UNIT_METRE)
             return tiff_refuse(f, "whose places are in another unit than metres",
                                "write it in metres, as gdalwarp does");
-        if (key[i] == KEY_HEIGHT_UNIT && key[i + 3] != UNIT_METRE)
+        if ((key[i] == KEY_HEIGHT_UNIT && key[i + 3] != UNIT_METRE) || (key[i] == KEY_HEIGHTS && is_in_feet(key[i + 3])))
             return tiff_refuse(f, "whose heights are in another unit than metres",
                                "write them in metres: feet, for example, as gdal_translate -ot Float32 "
                                "-scale 0 1 0 0.3048 -a_srs EPSG:32633 IN OUT does");
