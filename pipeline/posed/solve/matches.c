@@ -76,7 +76,7 @@ static void idealise(struct poses_scene *scene, int view)
         f->at[kept][0] = (float)a;
         f->at[kept][1] = (float)b;
         memmove(f->descriptor + (size_t)kept * CV_DESCRIPTOR, f->descriptor + (size_t)i * CV_DESCRIPTOR,
-                CV_DESCRIPTOR * sizeof(float));
+                CV_DESCRIPTOR * sizeof(*f->descriptor));
         kept++;
     }
     f->count = kept;

@@ -91,7 +91,7 @@ int cv_features_find(struct cv_features *out, const struct cv_grey *grey, int mo
         cv::SIFT::create(most, 3, CONTRAST)->detectAndCompute(normalised(grey), cv::noArray(), keys, descriptors);
         count = std::min(keys.size(), static_cast<size_t>(most));
         out->at = static_cast<float(*)[2]>(std::calloc(count + 1, sizeof(*out->at)));
-        out->descriptor = static_cast<float *>(std::calloc(count + 1, CV_DESCRIPTOR * sizeof(float)));
+        out->descriptor = static_cast<int16_t *>(std::calloc(count + 1, CV_DESCRIPTOR * sizeof(*out->descriptor)));
         if (!out->at || !out->descriptor) {
             std::free(out->at);
             std::free(out->descriptor);
@@ -101,7 +101,8 @@ int cv_features_find(struct cv_features *out, const struct cv_grey *grey, int mo
         }
         for (size_t i = 0; i < count; i++) {
             const float *in = descriptors.ptr<float>(static_cast<int>(i));
-            float *to = out->descriptor + i * CV_DESCRIPTOR, sum = 1e-6f;
+            int16_t *to = out->descriptor + i * CV_DESCRIPTOR;
+            float sum = 1e-6f;
 
             /* SIFT enlarges the picture twice with pixel corners kept, and halves positions with centres kept. */
             out->at[i][0] = keys[i].pt.x - 0.25f;
@@ -109,11 +110,37 @@ int cv_features_find(struct cv_features *out, const struct cv_grey *grey, int mo
             for (int c = 0; c < CV_DESCRIPTOR; c++)
                 sum += in[c];
             for (int c = 0; c < CV_DESCRIPTOR; c++)
-                to[c] = std::nearbyint(ONE * std::sqrt(in[c] / sum));
+                to[c] = static_cast<int16_t>(std::nearbyint(ONE * std::sqrt(in[c] / sum)));
         }
         out->count = static_cast<int>(count);
         return 0;
     });
+}
+
+/* Products of all descriptors, whole numbers up to ONE * ONE. A loop of fixed length becomes the processor's products of 16 bits, and does not
+ * depend on the machine's library of linear algebra: Debian's default one takes ten times as long. */
+static void multiply(cv::Mat &product, const struct cv_features *a, const struct cv_features *b)
+{
+    constexpr int some = 64; /* descriptors that stay in the first cache */
+
+    product.create(a->count, b->count, CV_32F);
+    for (int from = 0; from < b->count; from += some) {
+        const int to = std::min(from + some, b->count);
+
+        for (int i = 0; i < a->count; i++) {
+            const int16_t *left = a->descriptor + static_cast<size_t>(i) * CV_DESCRIPTOR;
+            float *row = product.ptr<float>(i);
+
+            for (int j = from; j < to; j++) {
+                const int16_t *right = b->descriptor + static_cast<size_t>(j) * CV_DESCRIPTOR;
+                int32_t sum = 0;
+
+                for (int c = 0; c < CV_DESCRIPTOR; c++)
+                    sum += left[c] * right[c];
+                row[j] = static_cast<float>(sum);
+            }
+        }
+    }
 }
 
 int cv_features_match(const struct cv_features *a, const struct cv_features *b, int (*match)[2], int *count,
@@ -127,8 +154,7 @@ int cv_features_match(const struct cv_features *a, const struct cv_features *b, 
         *count = 0;
         if (a->count < 2 || b->count < 2)
             return 0;
-        cv::gemm(cv::Mat(a->count, CV_DESCRIPTOR, CV_32F, a->descriptor),
-                 cv::Mat(b->count, CV_DESCRIPTOR, CV_32F, b->descriptor), 1, cv::noArray(), 0, product, cv::GEMM_2_T);
+        multiply(product, a, b);
         back.assign(static_cast<size_t>(b->count), -1);
         back_at.assign(static_cast<size_t>(b->count), -1);
         for (int i = 0; i < a->count; i++) {

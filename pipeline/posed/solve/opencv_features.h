@@ -25,7 +25,7 @@ struct cv_grey {
 struct cv_features {
     int count;
     float (*at)[2];
-    float *descriptor; /* [count][CV_DESCRIPTOR] */
+    int16_t *descriptor; /* [count][CV_DESCRIPTOR] */
 };
 
 /**
