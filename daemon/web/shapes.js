@@ -8,6 +8,7 @@ const MOST_CORNERS = 16;
 const LEAST_SIDE = 0.02; // of a rectangle or line that is drawn
 const ARROW = 0.06; // length, of the picture's height
 const KEY_STEP = 0.01;
+const KEY_MOVES = { ArrowLeft: [-KEY_STEP, 0], ArrowRight: [KEY_STEP, 0], ArrowUp: [0, -KEY_STEP], ArrowDown: [0, KEY_STEP] };
 const TOP = 0.06; // of the picture: no room for a name above a shape
 
 export const NAME = /^[a-z0-9_-]{1,31}$/;
@@ -190,6 +191,7 @@ export class Shapes {
     this.part("shapes").replaceChildren(...shown.flatMap((one) => this.lines(one)));
     const marks = shown.filter(({ shape }) => shape.points.length).map((one) => this.label(one));
     const corners = this.edited && this.open ? this.corners() : [];
+    if (corners.length && !this.drawing) corners.push(this.mover());
     this.reuse([...corners, ...marks]);
     if (focused >= 0 && focused < corners.length) this.marks[focused].focus({ preventScroll: true });
   }
@@ -254,25 +256,10 @@ export class Shapes {
       "aria-label": this.edited.line ? `End ${i + 1} of the line: arrow keys move it`
         : `Corner ${i + 1} of ${points.length}: arrow keys move it, Delete removes it` });
     node.at = point;
-    const { stage } = this.app;
-    node.addEventListener("pointerdown", (event) => {
-      if (this.drawing) return;
-      event.preventDefault();
-      node.focus({ preventScroll: true });
-      const move = (e) => this.moveCorner(i, stage.zoom.toPicture(stage.zoom.at(e.clientX, e.clientY)));
-      const end = () => {
-        removeEventListener("pointermove", move);
-        removeEventListener("pointerup", end);
-        removeEventListener("pointercancel", end);
-      };
-      addEventListener("pointermove", move);
-      addEventListener("pointerup", end);
-      addEventListener("pointercancel", end);
-    });
+    this.onDrag(node, () => (at) => this.moveCorner(i, at));
     node.addEventListener("click", () => { if (this.drawing && i === 0 && points.length >= 3) this.finish(); });
     node.addEventListener("keydown", (event) => {
-      const moves = { ArrowLeft: [-KEY_STEP, 0], ArrowRight: [KEY_STEP, 0], ArrowUp: [0, -KEY_STEP], ArrowDown: [0, KEY_STEP] };
-      const by = moves[event.key];
+      const by = KEY_MOVES[event.key];
       if (by) this.moveCorner(i, [points[i][0] + by[0], points[i][1] + by[1]]);
       else if ((event.key === "Delete" || event.key === "Backspace") && points.length > 3) {
         points.splice(i, 1);
@@ -283,6 +270,52 @@ export class Shapes {
       event.stopPropagation();
     });
     return node;
+  }
+
+  /** The handle in the middle moves the whole. */
+  mover() {
+    const { points } = this.edited;
+    const mean = (k) => points.reduce((sum, point) => sum + point[k], 0) / points.length;
+    const node = el("button", { type: "button", class: "corner mover", "aria-label": "The whole: arrow keys move it" });
+    node.at = [mean(0), mean(1)];
+    this.onDrag(node, () => {
+      const from = node.at, before = points.map((point) => [...point]);
+      return ([x, y]) => this.move(before, [x - from[0], y - from[1]]);
+    });
+    node.addEventListener("keydown", (event) => {
+      if (!KEY_MOVES[event.key]) return;
+      this.move(points, KEY_MOVES[event.key]);
+      event.preventDefault();
+      event.stopPropagation();
+    });
+    return node;
+  }
+
+  /** All corners, as far as the picture goes. */
+  move(points, by) {
+    const within = by.map((d, k) => Math.min(Math.max(d, -Math.min(...points.map((point) => point[k]))), 1 - Math.max(...points.map((point) => point[k]))));
+    this.edited.points = points.map((point) => point.map((v, k) => round(v + within[k])));
+    this.draw();
+  }
+
+  /** @param start  () => (point of the picture) => void: a pointer goes down on a handle, and moves */
+  onDrag(node, start) {
+    const { zoom } = this.app.stage;
+    node.addEventListener("pointerdown", (event) => {
+      if (this.drawing) return;
+      event.preventDefault();
+      node.focus({ preventScroll: true });
+      const to = start();
+      const move = (e) => to(zoom.toPicture(zoom.at(e.clientX, e.clientY)));
+      const end = () => {
+        removeEventListener("pointermove", move);
+        removeEventListener("pointerup", end);
+        removeEventListener("pointercancel", end);
+      };
+      addEventListener("pointermove", move);
+      addEventListener("pointerup", end);
+      addEventListener("pointercancel", end);
+    });
   }
 
   /** Puts marks over the picture, and removes earlier ones. */
