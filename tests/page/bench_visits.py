@@ -4,9 +4,10 @@
 """Memory and frames of the page with many visits, in a headless Chromium: bench_visits.py PICTURES [VISITS]
 
 PICTURES is a folder of tests/page/pictures.sh, VISITS how many (500). Not in the gate: figures of an idle machine. Scrolls through all cards
-with the wheel, and prints
+with the wheel, reviews them with keys, and prints
 
-- the memory of the page's renderer process (private: PSS without what is shared) and of its JavaScript heap, before and after, and how many cards the page holds;
+- the memory of the page's renderer process (PSS: with its share of the browser's program; private: its own alone) and of its JavaScript heap, before
+  and after, and how many cards the page holds;
 - frames a second while it scrolls, as requestAnimationFrame counts them, the longest frame, and the processor time of the main thread for each.
 """
 import sys
@@ -19,9 +20,10 @@ FRAMES = """window.frames = []; window.counting = true;
 (function count(at) { window.frames.push(at); if (window.counting) requestAnimationFrame(count); })(performance.now());"""
 
 
-def renderer_mb(b):
-    """The largest renderer of this browser, in MB: private and its share of the rest."""
-    return max((pss(p) for p in children(b.process.pid)), default=0) / 1024
+def renderer(b):
+    """The largest renderer of this browser, in words."""
+    pss, private = max((memory(p) for p in children(b.process.pid)), default=(0, 0))
+    return f"{pss / 1024:6.1f} MB renderer, {private / 1024:6.1f} MB private,"
 
 
 def children(pid):
@@ -36,9 +38,10 @@ def children(pid):
     return found
 
 
-def pss(pid):
-    """kB."""
-    return next(int(line.split()[1]) for line in open(f"/proc/{pid}/smaps_rollup", encoding="utf8") if line.startswith("Pss:"))
+def memory(pid):
+    """PSS and private memory, kB."""
+    kb = {line.split(":")[0]: int(line.split()[1]) for line in open(f"/proc/{pid}/smaps_rollup", encoding="utf8") if line.endswith("kB\n")}
+    return kb["Pss"], kb["Private_Clean"] + kb["Private_Dirty"]
 
 
 def heap_mb(b):
@@ -65,7 +68,7 @@ def main():
         b.go(fake.url)
         b.wait("document.readyState === 'complete' && document.querySelectorAll('#visits .visit').length > 0")
         time.sleep(3)
-        before = renderer_mb(b), heap_mb(b)
+        before = renderer(b), heap_mb(b)
         fake.set(many=visits - len(fake.visits()))
         b.js("document.querySelector('#visits-reviewed [value=false]').click()")
         b.wait("Number(document.querySelector('#visits .visit')?.ariaSetSize) === 60")
@@ -85,10 +88,17 @@ def main():
         cards = b.js("document.querySelectorAll('#visits .visit').length")
         images = b.js("document.querySelectorAll('.portrait').length")
         time.sleep(2)
-        print(f"before     {before[0]:6.1f} MB renderer {before[1]:6.1f} MB heap")
-        print(f"{visits} visits {renderer_mb(b):6.1f} MB renderer {heap_mb(b):6.1f} MB heap, {cards} cards and {images} pictures in the page")
+        print(f"before     {before[0]} {before[1]:6.1f} MB heap")
+        print(f"{visits} visits {renderer(b)} {heap_mb(b):6.1f} MB heap, {cards} cards and {images} pictures in the page")
+        b.js("document.querySelector('#visits .visit-open').focus()")  # all of them with keys alone
+        b.key("Home", 36)
+        for _ in range(visits):
+            b.key("r", 82, "r")
+            b.js("new Promise(requestAnimationFrame)")
+        left = b.js("document.getElementById('visits-new').textContent")
+        print(f"{visits} keys   {renderer(b)} {heap_mb(b):6.1f} MB heap, {left} left to review")
         b.call("HeapProfiler.collectGarbage")
-        print(f"collected  {renderer_mb(b):6.1f} MB renderer {heap_mb(b):6.1f} MB heap")
+        print(f"collected  {renderer(b)} {heap_mb(b):6.1f} MB heap")
         print(f"scrolling  {took:.1f} s, {len(gaps) / (sum(gaps) / 1000):.1f} frames/s, median {gaps[len(gaps) // 2]:.1f} ms, "
               f"99 % within {gaps[len(gaps) * 99 // 100]:.1f} ms, longest {gaps[-1]:.1f} ms; "
               f"processor time of the main thread for each {work[0]:.1f} ms: scripts {work[1]:.1f}, layout {work[2]:.1f}, styles {work[3]:.1f}")
