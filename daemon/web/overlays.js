@@ -55,6 +55,7 @@ export class Overlays {
     this.camera = "";
     this.kind = kind;
     this.app.stage?.boxes?.show();
+    if (this.app.stage) this.app.stage.delays_ms = [];
     $("canvas-overlay").hidden = $("canvas-camera").hidden = true;
     $("opacity-box").hidden = $("legend").hidden = kind === "" || kind === "camera";
     if (kind === "camera") this.startCamera(camera);
@@ -68,6 +69,7 @@ export class Overlays {
     const notify = (what, why) => {
       if (what === "picture") {
         canvas.hidden = this.kind !== "camera";
+        if (this.shown()) this.app.stage.drawn(this.shown());
         this.app.replay.picture();
       }
       if (what === "shared") complain(why);

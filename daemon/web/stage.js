@@ -433,11 +433,16 @@ export class Stage {
       this.lost = null;
       this.refused = "";
       this.boxes.picture();
-      this.delays_ms = [...this.delays_ms, this.app.view.stream.age_ms()].slice(-DELAYS);
+      if (!this.overlays.shown()) this.drawn(this.app.view.stream);
       $("stage-box").style.setProperty("--ratio", this.canvas.width / this.canvas.height);
       this.frame.dataset.pictures = this.app.view.stream.pictures;
       this.app.replay.picture();
     }
+  }
+
+  /** A picture in sight was drawn. */
+  drawn(stream) {
+    this.delays_ms = [...this.delays_ms, stream.age_ms()].slice(-DELAYS);
   }
 
   /** Time of the picture of the recording that is in sight; NaN: there is none yet. */
@@ -467,7 +472,9 @@ export class Stage {
 
   showAge() {
     this.showMethod();
-    const age_ms = this.app.view.stream.age_ms();
+    const camera = this.overlays.shown(); // it hides the picture
+    const lost = camera ? null : this.lost;
+    const age_ms = (camera ?? this.app.view.stream).age_ms();
     const tag = $("age");
     if (this.app.replay.open) {
       setText($("v-delay"), "–");
@@ -475,15 +482,15 @@ export class Stage {
       return;
     }
     const old = ageText(age_ms);
-    const still = age_ms > OLD_MS && !this.lost && this.app.still(); // only changes are rendered
+    const still = !camera && age_ms > OLD_MS && !lost && this.app.still(); // only changes are rendered
     const late = age_ms > OLD_MS && !still;
-    this.showDelay(age_ms, this.lost !== null || late);
-    const settling = !this.lost && !late && this.app.settling();
-    tag.hidden = !(this.lost || still || late || settling); // of a fresh picture the delay above says it all
-    tag.dataset.kind = this.lost || late ? "late" : "";
-    setText(tag, this.lost ? `${this.refused ? "Stopped" : "Reconnecting"} · picture ${old} old` : settling ? "Settling"
+    this.showDelay(age_ms, lost !== null || late);
+    const settling = !lost && !late && this.app.settling();
+    tag.hidden = !(lost || still || late || settling); // of a fresh picture the delay above says it all
+    tag.dataset.kind = lost || late ? "late" : "";
+    setText(tag, lost ? `${this.refused ? "Stopped" : "Reconnecting"} · picture ${old} old` : settling ? "Settling"
       : still ? `Nothing moved for ${old}` : late ? `Picture ${old} old` : "");
-    this.frame.classList.toggle("stale", this.lost !== null && age_ms > OLD_MS);
+    this.frame.classList.toggle("stale", lost !== null && age_ms > OLD_MS);
   }
 
   /** Shows a message in place of the picture: {title, text, todo: [sentence...], picture: {url, text}}; null: none. */

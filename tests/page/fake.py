@@ -129,7 +129,7 @@ class Service:
         self.lock = threading.RLock()
         self.start = time.time() - age_s
         self.role, self.views_max, self.refuse, self.hold, self.old = "control", 8, {}, False, False
-        self.computing = self.stall = self.preview = self.hold_videos = False
+        self.computing = self.stall = self.preview = self.hold_videos = self.pause = False
         self.patch, self.camera_patch = {}, {}
         self.tracks = []  # as of /api/v1/tracks
         self.views = {"main": dict(copy.deepcopy(SETTINGS), removed=set(), viewers=0, seen=math.inf)}
@@ -410,7 +410,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
             merge(s.patch, body.get("status", {}))
             for name, patch in body.get("cameras", {}).items():
                 s.camera_patch.setdefault(name, {}).update(patch)
-            for key in ("role", "views_max", "refuse", "hold", "old", "computing", "stall", "preview", "hold_videos", "tracks", "many", "masks"):
+            for key in ("role", "views_max", "refuse", "hold", "old", "computing", "stall", "preview", "hold_videos", "tracks", "many", "masks", "pause"):
                 if key in body:
                     setattr(s, key, body[key])
             for e in body.get("events", []):
@@ -558,7 +558,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
         try:
             while not (s.hold or "main" in name and s.patch.get("state") == "failed"):
                 played = self.view_prefix == "r"
-                if played and (s.computing or s.stall) and not s.preview:
+                if played and (s.computing or s.stall) and not s.preview or s.pause and name != "camera":
                     time.sleep(0.05)
                     continue
                 with s.lock:

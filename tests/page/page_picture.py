@@ -315,9 +315,13 @@ def test_overlay(b, fake):
 
 
 def test_camera_large(b, fake):
-    """What a camera sees, in the large place: the one in the middle, or any of the grid."""
+    """What a camera sees, in the large place: the one in the middle, or any of the grid. Its age is shown, not that of the picture behind it."""
+    fake.set(pause=True)
+    b.wait("!document.getElementById('age').hidden")
     b.js("document.querySelector('input[name=overlay][value=camera]').click()")
     b.wait("!document.getElementById('canvas-camera').hidden && document.getElementById('tag-left').textContent.includes('Camera r2c2')")
+    b.wait("document.getElementById('age').hidden && document.getElementById('v-delay').textContent.endsWith('ms')")
+    fake.set(pause=False)
     b.click("#tab-overview")
     b.click("[data-name=r0c0]")
     b.js("document.querySelector('#camera .small').click()")
