@@ -2,7 +2,9 @@
  * the compiler's vectors, because loops of eight are unrolled into scalars instead. */
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
-typedef uint16_t KERNEL(hypothesis_lanes) __attribute__((vector_size(2 * SST_HYPOTHESES), aligned(2), may_alias));
+typedef uint16_t KERNEL(hypothesis_lanes) __attribute__((vector_size(2 * SST_HYPOTHESES)));
+/* In memory, at any entry. Not a type of parameters: gcc 14 for arm64 compiles none of this alignment. */
+typedef KERNEL(hypothesis_lanes) KERNEL(hypothesis_entries) __attribute__((aligned(2), may_alias));
 
 static inline KERNEL(hypothesis_lanes) KERNEL(hypothesis_min)(KERNEL(hypothesis_lanes) a, KERNEL(hypothesis_lanes) b)
 {
@@ -48,7 +50,8 @@ static inline void KERNEL(hypothesis_path)(uint16_t *path, uint16_t *sum, const 
                                            const uint16_t *from_hypothesis, uint16_t p1, uint16_t p2, uint16_t near)
 {
     typedef KERNEL(hypothesis_lanes) lanes;
-    const lanes here = *(const lanes *)hypothesis;
+    typedef KERNEL(hypothesis_entries) entries;
+    const lanes here = *(const entries *)hypothesis;
     const uint16_t rest = KERNEL(hypothesis_rest)(from), least = from[0] < rest ? from[0] : rest;
     const int used = rest >= from[0] + p2 ? 1 : SST_HYPOTHESES;
     lanes best = (lanes){ 0 } + (uint16_t)(least + p2), l;
@@ -59,9 +62,9 @@ static inline void KERNEL(hypothesis_path)(uint16_t *path, uint16_t *sum, const 
 
         best = KERNEL(hypothesis_min)(best, (penalty + from[j]) | (lanes)(jump > (uint16_t)(2 * near)));
     }
-    l = *(const lanes *)cost + best - least;
-    *(lanes *)path = l;
-    *(lanes *)sum += l;
+    l = *(const entries *)cost + best - least;
+    *(entries *)path = l;
+    *(entries *)sum += l;
 }
 
 static void KERNEL(hypothesis_path_row)(uint16_t *path, uint16_t *sum, const uint16_t *cost, const uint16_t *hypothesis,
