@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
-# Checks of the built packages: check.sh DIST [lintian|quick|piuparts|autopkgtest|again|first|emulated]...; all but the last without a name (it
-# runs the arm64 packages). A line for each, logs in build/packages/DIST/. Needs root, an archive, and for autopkgtest's virtual
-# machine /dev/kvm (else a root folder, without systemd; TESTBED=root chooses it).
+# Checks of the built packages: check.sh DIST [lintian|quick|piuparts|autopkgtest|again|first|emulated|reprotest]...; all but the last
+# two without a name: emulated runs the arm64 packages, reprotest builds twice with the packages of this machine (ONLY_ALL=1: packages
+# without programs alone). A line for each, logs in build/packages/DIST/. Needs root, an archive, and for autopkgtest's virtual machine
+# /dev/kvm (else a root folder, without systemd; TESTBED=root chooses it).
 # SPDX-FileCopyrightText: 2026 The sst contributors
 # SPDX-License-Identifier: Apache-2.0
 set -u
@@ -23,8 +24,10 @@ judge() { # NAME RC LOG
 check_lintian() {
   local root rc
   root=$(scripts/packages/root.sh "$dist" build)
-  scripts/packages/enter.sh --bind "$out:/packages" "$root" sh -c \
-    'exec setpriv --reuid=builder --regid=builder --clear-groups lintian -EvIL +pedantic --fail-on error,warning /packages/*.changes' >"$logs/lintian.log" 2>&1
+  local binds=(--bind "$out:/packages/$arch")
+  [ "$arch" = arm64 ] || ! compgen -G "$logs/arm64/*.changes" >/dev/null || binds+=(--bind "$logs/arm64:/packages/arm64")
+  scripts/packages/enter.sh "${binds[@]}" "$root" sh -c \
+    'exec setpriv --reuid=builder --regid=builder --clear-groups lintian -EvIL +pedantic --fail-on error,warning /packages/*/*.changes' >"$logs/lintian.log" 2>&1
   rc=$?
   judge "lintian: $(grep -cE '^[EW]: ' "$logs/lintian.log") errors and warnings, $(grep -cE '^[IPXO]: ' "$logs/lintian.log") hints" $rc "$logs/lintian.log"
 }
@@ -38,17 +41,22 @@ check_quick() {
 }
 
 check_piuparts() {
-  local root rc
+  local root rc scripts
   root=$(scripts/packages/root.sh "$dist" bare)
   # All in a copy of the root (TMPDIR=/dev/shm: in memory, faster). Folders that systemd, a dependency, makes by its own
   # tmpfiles and leaves are not of these packages.
   local ignored=()
   for f in /root/.ssh /var/cache/private /var/lib/private /var/log/private /var/lib/systemd/coredump /var/lib/systemd/pstore; do ignored+=(--ignore="$f/"); done
   (cd "$out" && dpkg-scanpackages -m . >Packages.new 2>/dev/null && mv Packages.new Packages)
-  piuparts --existing-chroot="$root" --distribution="$dist" --mirror="${DEBIAN_MIRROR:-http://deb.debian.org/debian} main" --no-eatmydata \
+  # A dependency of Debian 13 brings systemd-sysv, which apt does not remove: it is there before, as on a machine.
+  scripts=$(mktemp -d)
+  printf '#!/bin/sh\nset -e\napt-get -qq install -y --no-install-recommends systemd-sysv\n' >"$scripts/post_setup_systemd"
+  chmod 755 "$scripts" "$scripts/post_setup_systemd"
+  piuparts --scriptsdir="$scripts" --existing-chroot="$root" --distribution="$dist" --mirror="${DEBIAN_MIRROR:-http://deb.debian.org/debian} main" --no-eatmydata \
     --bindmount="$out" --extra-repo="deb [trusted=yes] file:$out ./" --no-upgrade-test "${ignored[@]}" \
     "$out"/*.changes >"$logs/piuparts.log" 2>&1
   rc=$?
+  rm -r "$scripts"
   # Broken links of dependencies (Qt's, of OpenCV) are warnings.
   ! grep -E ' -> .* \((lib|python3-)?sst' "$logs/piuparts.log" || rc=1
   judge "piuparts" $rc "$logs/piuparts.log"
@@ -76,6 +84,18 @@ check_again() {
   scripts/packages/again.sh "$dist" >"$logs/again.log" 2>&1
   rc=$?
   judge "reproducible: $(tail -n 1 "$logs/again.log")" $rc "$logs/again.log"
+}
+
+check_reprotest() {
+  local place rc
+  place=$(mktemp -d)
+  dpkg-source -x --no-check "$out"/*.dsc "$place/sst" >"$logs/reprotest.log"
+  (cd "$place/sst" && TMPDIR=$place reprotest --no-diffoscope \
+    --vary=-all,+environment,+build_path,+exec_path,+home,+kernel,+locales,+num_cpus,+time,+timezone,+umask \
+    "DEB_BUILD_OPTIONS=nocheck dpkg-buildpackage $([ -n "${ONLY_ALL-}" ] && echo -A || echo -b) -us -uc" '../*.deb' -- null) >>"$logs/reprotest.log" 2>&1
+  rc=$?
+  rm -rf "$place"
+  judge "reprotest: $(grep -cE '^[0-9a-f]{64}  .*\.deb$' "$logs/reprotest.log") packages, $(grep -m 1 '^Reproduction' "$logs/reprotest.log")" $rc "$logs/reprotest.log"
 }
 
 check_first() {
