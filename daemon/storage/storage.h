@@ -23,7 +23,7 @@
 enum sst_storage_state {
     SST_STORAGE_OK = 0,
     SST_STORAGE_LOW = 1,  /* the oldest recordings are being removed to stay within the limits */
-    SST_STORAGE_FULL = 2, /* nothing is left to remove, or the disk accepts no writes: nothing is recorded */
+    SST_STORAGE_FULL = 2, /* nothing is recorded: nothing is left to remove, the disk accepts no writes, or FFmpeg is missing */
 };
 
 #define SST_STORAGE_NEAR_NS INT64_C(500000000) /* of sst_storage_view_picture() */
