@@ -7,7 +7,9 @@ set -eu
 cd "$(dirname "$0")/../.."
 dist=$1
 out=build/packages/$dist/arm64 build=$(realpath "${SST_BUILD-build}") root=$PWD/build/packages/$dist/arm64-root
-mapfile -t debs < <(find "$out" -name '*_arm64.deb' ! -name '*-dbgsym_*' ! -name '*-dev_*' | sort)
+# Networks are of no architecture: those of the packages of this machine.
+mapfile -t debs < <(find "$out" "${out%/*}/$(dpkg --print-architecture)" \( -name '*_arm64.deb' -o -name 'sst-models_*_all.deb' \) ! -name '*-dbgsym_*' \
+  ! -name '*-dev_*' | sort)
 RELEASE=$dist scripts/arm64/sysroot.sh "$root" "${debs[@]}"
 tmp=$(mktemp -d)
 trap 'rm -rf "$tmp"' EXIT

@@ -121,7 +121,7 @@ static void faults_of_descriptions(void **state SST_UNUSED)
         { "classes: [a]\nlabels: {b: c}\n", "2:10: unknown key `b`" },
         { "classes: [a]\nmean: [1, 2]\n", "2:7: mean must be a list of 3 numbers" },
         { "classes: [a]\nmean: [1, .nan, 2]\n", "2:11: mean must be a number" },
-        { "classes: [a]\nstd: 0\n", "2:6: std must be a number in 1e-06..1e+06, not 0" },
+        { "classes: [a]\nstd: 0\n", "2:6: std must be a number in 1e-06..1000000, not 0" },
         { "classes: [a]\nstd: 1\nscale: 1\n", "3:8: scale and std set the same value" },
         { "classes: [a]\nsize: 480\n", "2:7: size must be WIDTHxHEIGHT" },
         { "classes: [a]\nsize: 4x4\n", "2:7: size must be WIDTHxHEIGHT" },
