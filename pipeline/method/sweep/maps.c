@@ -120,6 +120,13 @@ static void mean_row(const struct mapped *m, int y)
         m->v->costs[least[1][x]]++;
 }
 
+/* Layers of paths begin a pixel later (from the left) or earlier: what a pixel reads of the row before, a pixel beside
+ * it, then lies where vectors begin. */
+static uint8_t *skewed(uint8_t *path, int t)
+{
+    return path + (t ? -1 : 1);
+}
+
 /* Paths of row y from row y - dir; path[from] has its state. @param row  of these paths, from 0 on
  * @param mean  out, of both, packed */
 static void path_row(const struct mapped *m, int y, int dir, int row, uint8_t *(*path)[2], uint8_t *(*least)[2],
@@ -138,14 +145,14 @@ static void path_row(const struct mapped *m, int y, int dir, int row, uint8_t *(
                                      .stride = s->stride };
 
     for (int t = 0; t < 2; t++) {
-        p.from[t] = path[from][t] + SWEEP_PAD;
+        p.from[t] = skewed(path[from][t], t) + SWEEP_PAD;
         p.from_least[t] = least[from][t] + SWEEP_PAD;
-        p.to[t] = path[!from][t] + SWEEP_PAD;
+        p.to[t] = skewed(path[!from][t], t) + SWEEP_PAD;
         p.least[t] = least[!from][t] + SWEEP_PAD;
         if (row < 2)
             memset(path[!from][t], 255, s->layer);
         else
-            sweep_lists_clear(s, &m->costs->lists, path[!from][t], 255, (const int[]){ y - 2 * dir, y });
+            sweep_lists_clear(s, &m->costs->lists, skewed(path[!from][t], t), 255, (const int[]){ y - 2 * dir, y });
         colour_steps(m->own->step[t], m, y, 2 * t - 1, -dir);
     }
     sst_kernels_get()->consensus_path_row(&p, padded(s));
