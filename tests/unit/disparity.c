@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "pipeline/lightfield/shift.h"
 #include "pipeline/method/disparity/visible.h"
 #include "simulators/scene/noise.h"
 #include "tests/test.h"
@@ -659,6 +660,74 @@ static void multi_view_check(void **state SST_UNUSED)
     }
 }
 
+/* Is there a disparity within a pixel of d where d, 1/64 px, puts a pixel of the view under check? */
+static bool shows(const struct sst_checked_view *v, double disp_min, int x, int y, int d)
+{
+    const int xn = sst_shifted(x, sst_shift_by(-v->bx, disp_min), d), yn = sst_shifted(y, sst_shift_by(-v->by, disp_min), d);
+
+    return xn >= 0 && yn >= 0 && xn < v->disp_q6->width && yn < v->disp_q6->height &&
+           sst_map_u16_row(v->disp_q6, yn)[xn] != NONE && abs(sst_map_u16_row(v->disp_q6, yn)[xn] - d) <= 64;
+}
+
+static int plain_check(const struct sst_checked_views *from, const struct sst_map_u16 *own, int i, int steps)
+{
+    const int x = i % own->width, y = i / own->width, d = sst_map_u16_row(own, y)[x];
+
+    for (int k = 0; k < from->count && d != NONE; k++) {
+        if (shows(&from->view[k], from->disp_min_px, x, y, d))
+            return SST_DISPARITY_CORRECT;
+    }
+    for (int k = 0; k < from->count * steps; k++) {
+        if (shows(&from->view[k / steps], from->disp_min_px, x, y, k % steps * 64))
+            return SST_DISPARITY_MISMATCH;
+    }
+    return SST_DISPARITY_OCCLUSION;
+}
+
+/* Few disparities, so that some agree, of which one in six is not known. */
+static struct sst_map_u16 few_disparities(int width, int height, uint64_t *seed)
+{
+    struct sst_map_u16 map = map16(width, height, NULL);
+
+    for (int i = 0; i < width * height; i++) {
+        if (sst_random(seed) < 0.83)
+            sst_map_u16_row(&map, i / width)[i % width] = (uint16_t)(64 * (int)(7 * sst_random(seed)) + (i & 31));
+    }
+    return map;
+}
+
+static void checks_equal_plain_ones(void **state SST_UNUSED)
+{
+    static const int sizes[][3] = { { 1, 1, 8 }, { 3, 5, 8 }, { 17, 9, 0 }, { 33, 21, 8 }, { 130, 3, 5 } };
+    int counts[3] = { 0 };
+    uint64_t seed = 7;
+
+    for (size_t n = 0; n < ARRAY_LEN(sizes); n++) {
+        const int w = sizes[n][0], h = sizes[n][1], steps = sizes[n][2];
+        struct sst_checked_views from = { .count = 3, .disp_min_px = (int)n - 2 };
+        struct sst_map_u16 own = few_disparities(w, h, &seed), other[3];
+        struct sst_map_u8 status = map8(w, h, NULL, 9);
+
+        for (int k = 0; k < 3; k++) {
+            other[k] = few_disparities(w, h, &seed);
+            from.view[k] =
+                (struct sst_checked_view){ &other[k], NULL, 4 * sst_random(&seed) - 2, k ? 4 * sst_random(&seed) - 2 : 0 };
+        }
+        sst_disparity_check_views(&status, &own, &from, steps);
+        for (int i = 0; i < w * h; i++) {
+            const int got = sst_map_u8_row(&status, i / w)[i % w];
+
+            assert_int_equal(got, plain_check(&from, &own, i, steps));
+            counts[got]++;
+        }
+        sst_map_u16_fini(&own);
+        sst_map_u8_fini(&status);
+        for (int k = 0; k < 3; k++)
+            sst_map_u16_fini(&other[k]);
+    }
+    assert_true(counts[0] > 20 && counts[1] > 20 && counts[2] > 20);
+}
+
 /* --- filling ------------------------------------------------------------------------------------------------------ */
 
 /* A correct pixel of a neighbour. */
@@ -766,6 +835,57 @@ static void mismatches_and_the_rest(void **state SST_UNUSED)
     fill_alone(4, 1, none, all_wrong, none_want);
 }
 
+static int by_value(const void *a, const void *b)
+{
+    return *(const uint16_t *)a - *(const uint16_t *)b;
+}
+
+/* The lower median of the nearest correct pixels in 16 directions. */
+static int plain_median(const uint16_t *d, const uint8_t *status, const int size[2], int i)
+{
+    static const int way[16][2] = { { 2, 0 },  { 2, 1 },   { 2, 2 },   { 1, 2 },   { 0, 2 },  { -1, 2 }, { -2, 2 }, { -2, 1 },
+                                    { -2, 0 }, { -2, -1 }, { -2, -2 }, { -1, -2 }, { 0, -2 }, { 1, -2 }, { 2, -2 }, { 2, -1 } };
+    uint16_t found[16];
+    int n = 0;
+
+    for (int k = 0; k < 16; k++) {
+        for (int r = 1;; r++) {
+            const int x = i % size[0] + way[k][0] * r / 2, y = i / size[0] + way[k][1] * r / 2;
+
+            if (x < 0 || y < 0 || x >= size[0] || y >= size[1])
+                break;
+            if (status[y * size[0] + x] == SST_DISPARITY_CORRECT) {
+                found[n++] = d[y * size[0] + x];
+                break;
+            }
+        }
+    }
+    qsort(found, (size_t)n, sizeof(*found), by_value);
+    return n ? found[(n - 1) / 2] : NONE;
+}
+
+static void medians_equal_plain_ones(void **state SST_UNUSED)
+{
+    static const int sizes[][2] = { { 1, 7 }, { 9, 1 }, { 5, 6 }, { 31, 17 } };
+    uint64_t seed = 5;
+
+    for (size_t n = 0; n < ARRAY_LEN(sizes); n++) {
+        const int pixels = sizes[n][0] * sizes[n][1];
+        uint16_t in[MAX_CELLS], want[MAX_CELLS];
+        uint8_t status[MAX_CELLS];
+
+        for (int i = 0; i < pixels; i++) {
+            in[i] = (uint16_t)(1000 * sst_random(&seed));
+            status[i] = !i || sst_random(&seed) < 0.2 ? SST_DISPARITY_CORRECT : SST_DISPARITY_MISMATCH;
+        }
+        for (int i = 0; i < pixels; i++) {
+            want[i] = status[i] == SST_DISPARITY_CORRECT ? in[i] : (uint16_t)plain_median(in, status, sizes[n], i);
+            assert_int_not_equal(want[i], NONE);
+        }
+        fill_alone(sizes[n][0], sizes[n][1], in, status, want);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -785,8 +905,10 @@ int main(void)
         cmocka_unit_test(bilateral_of_small_maps),
         cmocka_unit_test(fusion),
         cmocka_unit_test(multi_view_check),
+        cmocka_unit_test(checks_equal_plain_ones),
         cmocka_unit_test(occlusions),
         cmocka_unit_test(mismatches_and_the_rest),
+        cmocka_unit_test(medians_equal_plain_ones),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
