@@ -8,6 +8,7 @@
 
 #include "pipeline/live/picture/picture_internal.h"
 #include "tests/live_shown.h"
+#include "tests/small.h"
 
 #define WIDTH   256
 #define HEIGHT  96
@@ -256,6 +257,181 @@ static void what_is_rendered_seldom_is_remembered_longer(void **state)
     close_bench(&b);
 }
 
+/* --- sets without maps of their own ------------------------------------------------------------------------------- */
+
+/* The leaves move on, the maps do not. */
+static void move_leaves(struct shown *s)
+{
+    struct sst_lightfield *lf = &s->live->lf;
+    struct sst_map_u16 disp[9] = { 0 };
+
+    for (int k = 0; k < 9; k++) {
+        assert_int_equal(sst_map_u16_init(&disp[k], WIDTH, HEIGHT), 0);
+        memcpy(disp[k].data, lf->views[k].disp.data, disp[k].stride * HEIGHT);
+    }
+    set_scene(s, "bush", 0.4);
+    for (int k = 0; k < 9; k++) {
+        memcpy(lf->views[k].disp.data, disp[k].data, disp[k].stride * HEIGHT);
+        sst_map_u16_fini(&disp[k]);
+    }
+}
+
+/* The clear picture after the leaves have moved. @param image  out, initialised here */
+static void show_moved(struct sst_image *image, int threads)
+{
+    const struct sst_image *shown = NULL;
+    struct sst_render_config cfg;
+    struct sst_livepicture *p;
+    struct shown s;
+    int64_t anew;
+
+    show(&s, "bush", WIDTH, HEIGHT, 3, false);
+    s.live->cfg.threads = threads;
+    s.live->cfg.skip_change = s.live->low_confidence = true;
+    take(&s, 1000000000);
+    assert_int_equal(sst_livepicture_create(&p, s.live), 0);
+    sst_render_config_defaults(&cfg);
+    cfg.method = SST_RENDER_CLEAR;
+    cfg.cut_px = floor((s.live->min_px + s.live->max_px) / 2);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &shown, &anew), 0);
+    move_leaves(&s);
+    s.live->late = true;
+    take(&s, 1100000000);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &shown, &anew), 0);
+    assert_true(anew > 0);
+    assert_int_equal(sst_image_init(image, WIDTH, HEIGHT), 0);
+    for (int c = 0; c < 3; c++)
+        memcpy(image->plane[c], shown->plane[c], image->stride * HEIGHT);
+    sst_livepicture_destroy(p);
+    hide(&s);
+}
+
+static void late_maps_are_the_same_for_all_threads(void **state SST_UNUSED)
+{
+    struct sst_image one = { 0 }, two = { 0 };
+
+    show_moved(&one, 1);
+    show_moved(&two, 2);
+    assert_true(same_image(&one, &two));
+    sst_image_fini(&one);
+    sst_image_fini(&two);
+}
+
+/* Working memory of a merge, and what the memory holds: one colour. */
+struct merging {
+    struct sst_image image;
+    struct sst_map_u16 surface;
+    struct sst_map_u8 weight, support, kind;
+};
+
+static void init_merging(struct merging *m, struct picture_memory *memory)
+{
+    assert_int_equal(sst_image_init(&m->image, WIDTH, HEIGHT), 0);
+    assert_int_equal(sst_map_u16_init(&m->surface, WIDTH, HEIGHT), 0);
+    assert_int_equal(sst_map_u8_init(&m->weight, WIDTH, HEIGHT), 0);
+    assert_int_equal(sst_map_u8_init(&m->support, WIDTH, HEIGHT), 0);
+    assert_int_equal(sst_map_u8_init(&m->kind, WIDTH, HEIGHT), 0);
+    for (int y = 0; y < HEIGHT; y++) {
+        memset(sst_map_u8_row(&m->weight, y), 0, WIDTH);
+        memset(sst_map_u8_row(&m->support, y), 0, WIDTH);
+        memset(sst_map_u16_row(&m->surface, y), 0xFF, WIDTH * sizeof(uint16_t));
+    }
+    for (int i = 0; i < WIDTH * HEIGHT; i++)
+        memory->pixel[i] =
+            (struct picture_pixel){ .rgb = { 9, 9, 9 }, .support = 32, .disp = 64, .seen_ms = 1, .since_ms = 1 };
+}
+
+static void fini_merging(struct merging *m)
+{
+    sst_image_fini(&m->image);
+    sst_map_u16_fini(&m->surface);
+    sst_map_u8_fini(&m->weight);
+    sst_map_u8_fini(&m->support);
+    sst_map_u8_fini(&m->kind);
+}
+
+/* Until the next maps, pixels that the last ones show keep their colour, and rays that agree decide the others. */
+static void late_maps_keep_what_they_have_seen(void **state SST_UNUSED)
+{
+    struct merging m = { 0 };
+    struct picture_merge in;
+    struct bench b;
+
+    open_bench(&b);
+    for (int y = 0; y < HEIGHT; y++)
+        memset(sst_map_u8_row(&b.weight, y), 255, WIDTH / 2);
+    run(&b, 2, all_tiles(&b));
+    b.s.live->late = true;
+    for (int y = 0; y < HEIGHT; y++)
+        memset(sst_map_u8_row(&b.weight, y), 0, WIDTH);
+    b.t_ns += STEP_NS;
+    take(&b.s, b.t_ns);
+    assert_true(picture_behind_render(&b.behind, b.s.live, &b.weight, 6));
+    for (int i = 0; i < CELLS; i++)
+        assert_int_equal(b.behind.cell[i].holes > 0, i % COLS >= COLS / 2);
+    init_merging(&m, &b.memory);
+    for (int y = 0; y < HEIGHT; y++) { /* rays agree on another colour everywhere */
+        memset(sst_map_u8_row(&b.behind.agreed, y), 255, WIDTH);
+        for (int c = 0; c < 3; c++)
+            memset(sst_image_row(&b.behind.image, c, y), 200, WIDTH);
+    }
+    in = (struct picture_merge){ .lf = &b.s.live->lf,
+                                 .t_ns = b.t_ns,
+                                 .threads = 1,
+                                 .image = &m.image,
+                                 .weight = &m.weight,
+                                 .surface = &m.surface,
+                                 .support = &m.support,
+                                 .kind = &m.kind,
+                                 .behind = &b.behind,
+                                 .cut_q6 = 6 * 64,
+                                 .stamp = b.s.live->stamp,
+                                 .tile = SST_LIVE_TILE,
+                                 .tile_cols = b.s.changes.cols };
+    assert_int_equal(picture_memory_merge(&b.memory, &in), 0);
+    for (int i = 0; i < WIDTH * HEIGHT; i++) {
+        const bool left = i % WIDTH < WIDTH / 2;
+
+        assert_int_equal(sst_image_row(&m.image, 1, i / WIDTH)[i % WIDTH], left ? 9 : 200);
+        assert_int_equal(sst_map_u8_row(&m.kind, i / WIDTH)[i % WIDTH], left ? PICTURE_REMEMBERED : PICTURE_SEEN);
+    }
+    fini_merging(&m);
+    close_bench(&b);
+}
+
+/* Pictures that need maps wait for them, unless their settings change. */
+static void see_through_waits_for_maps(void **state SST_UNUSED)
+{
+    const struct sst_image *image = NULL;
+    struct sst_render_config cfg;
+    struct sst_livepicture *p;
+    struct shown s;
+    int64_t anew;
+
+    show(&s, "bush", WIDTH, HEIGHT, 3, false);
+    s.live->cfg.skip_change = s.live->low_confidence = true;
+    take(&s, 1000000000);
+    assert_int_equal(sst_livepicture_create(&p, s.live), 0);
+    sst_render_config_defaults(&cfg);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
+    move_leaves(&s);
+    s.live->late = true;
+    take(&s, 1100000000);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
+    assert_int_equal(anew, 0);
+    cfg.focus_px = s.live->min_px;
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
+    assert_int_equal(anew, WIDTH * HEIGHT);
+    s.live->late = false;
+    take(&s, 1200000000);
+    set_scene(&s, "bush", 0.8);
+    take(&s, 1300000000);
+    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &anew), 0);
+    assert_true(anew > 0);
+    sst_livepicture_destroy(p);
+    hide(&s);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -265,6 +441,9 @@ int main(void)
         cmocka_unit_test(what_moves_alone_is_not_slow),
         cmocka_unit_test(exact_pictures_show_all),
         cmocka_unit_test(what_is_rendered_seldom_is_remembered_longer),
+        thread_test(late_maps_are_the_same_for_all_threads),
+        serial_test(late_maps_keep_what_they_have_seen),
+        serial_test(see_through_waits_for_maps),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

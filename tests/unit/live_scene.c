@@ -196,6 +196,60 @@ static void what_moved_on_leaves_nothing_behind(void **state SST_UNUSED)
     close_field(&f);
 }
 
+static void update_at(struct field *f, int ms, bool all_changed)
+{
+    for (int view = 0; all_changed && view < 9; view++)
+        memset(f->changes.map[view], 1, TILES);
+    f->report = (struct sst_live_report){ 0 };
+    assert_int_equal(sst_livescene_update(f->scene, &f->changes,
+                                          &(const struct sst_live_input){ .t_ns = (int64_t)ms * 1000000 }, &f->report),
+                     0);
+}
+
+/* Where few disparities are confirmed and most tiles change, maps are made every 0.35 s; between, they stay. */
+static void maps_of_moving_leaves_wait(void **state SST_UNUSED)
+{
+    struct sst_map_u16 before;
+    struct field f;
+
+    open_field(&f, 3, 3);
+    assert_int_equal(sst_map_u16_init(&before, WIDTH, HEIGHT), 0);
+    draw(&f, 40);
+    update_at(&f, 1000, false);
+    assert_true(f.report.ready && !f.report.late);
+    memcpy(before.data, f.lf.views[4].disp.data, before.stride * HEIGHT);
+    f.scene->confirmed = 0.9;
+    draw(&f, 72);
+    update_at(&f, 1100, true);
+    assert_true(f.report.ready && f.report.late && !f.report.whole);
+    assert_memory_equal(before.data, f.lf.views[4].disp.data, before.stride * HEIGHT);
+    draw(&f, 72); /* nothing changes: the maps still wait, and nothing is reported */
+    update_at(&f, 1200, false);
+    assert_true(f.report.late);
+    for (int i = 0; i < TILES; i++)
+        assert_int_equal(f.changes.map[4][i], 0);
+    update_at(&f, 1350, false);
+    assert_false(f.report.late);
+    assert_int_equal(f.report.tiles_changed, 9 * TILES);
+    for (int i = 0; i < TILES; i++)
+        assert_int_equal(f.changes.map[4][i], 1);
+    for (int view = 0; view < 9; view++)
+        assert_true(bad_share(&f, view, 72) < 8);
+    draw(&f, 40); /* the maps are reliable */
+    update_at(&f, 1450, true);
+    assert_false(f.report.late);
+    f.scene->confirmed = 0.9; /* few tiles change */
+    draw(&f, 42);
+    update_at(&f, 1550, false);
+    assert_false(f.report.late);
+    f.scene->confirmed = 0.9; /* exact mode */
+    f.cfg.skip_change = false;
+    update_at(&f, 1650, true);
+    assert_false(f.report.late);
+    sst_map_u16_fini(&before);
+    close_field(&f);
+}
+
 static void threads_make_no_difference(void **state SST_UNUSED)
 {
     const int sets = small_level() >= 2 ? 4 : 8;
@@ -392,6 +446,7 @@ int main(void)
         serial_test(cells_are_carried_over),
         serial_test(maps_follow_what_moves),
         serial_test(what_moved_on_leaves_nothing_behind),
+        serial_test(maps_of_moving_leaves_wait),
         thread_test(threads_make_no_difference),
         serial_test(every_view_is_labelled_without_reuse),
         cmocka_unit_test(views_come_and_go),

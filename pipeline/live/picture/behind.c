@@ -35,6 +35,7 @@ void picture_behind_fini(struct picture_behind *b)
         sst_render_plan_fini(&b->plan[i]);
     sst_image_fini(&b->image);
     sst_map_u8_fini(&b->agreed);
+    sst_map_u8_fini(&b->seen);
     sst_image_fini(&b->trial);
     sst_map_u8_fini(&b->trial_agreed);
     free(b->cell);
@@ -55,6 +56,8 @@ static int reserve(struct picture_behind *b, const struct sst_lightfield *lf)
         err = sst_image_init(&b->trial, lf->width, lf->height);
     if (!err && !b->agreed.data)
         err = sst_map_u8_init(&b->agreed, lf->width, lf->height);
+    if (!err && !b->seen.data)
+        err = sst_map_u8_init(&b->seen, lf->width, lf->height);
     if (!err && !b->trial_agreed.data)
         err = sst_map_u8_init(&b->trial_agreed, lf->width, lf->height);
     if (!err && !b->cell)
@@ -165,8 +168,11 @@ static bool find_holes(struct picture_behind *b, const struct sst_live *live, co
 {
     bool any = false;
 
-    if (!live->late || !b->planned)
+    b->late = live->late && b->planned;
+    if (!b->late) {
+        memcpy(b->seen.data, weight->data, weight->stride * (size_t)weight->height);
         return count_holes(b, weight);
+    }
     for (int i = 0; i < b->cols * b->rows; i++)
         any |= b->cell[i].holes > 0;
     return any;

@@ -148,9 +148,10 @@ static void fill_behind(const struct merge *g, int y)
     const struct picture_cell *cell = b->cell + (size_t)(y / SST_RENDER_CELL_HEIGHT) * (size_t)b->cols;
     const uint8_t *agreed = sst_map_u8_row(&b->agreed, y);
     uint8_t *weight = sst_map_u8_row(in->weight, y), *support = sst_map_u8_row(in->support, y);
+    const uint8_t *seen = b->late ? sst_map_u8_row(&b->seen, y) : weight; /* the memory has it */
 
     for (int x = 0; x < g->m->width; x++) {
-        if (weight[x] >= PICTURE_SEEN_WEIGHT || agreed[x] < AGREED)
+        if (seen[x] >= PICTURE_SEEN_WEIGHT || agreed[x] < AGREED)
             continue;
         for (int c = 0; c < 3; c++)
             sst_image_row(in->image, c, y)[x] = sst_image_row(&b->image, c, y)[x];
@@ -329,6 +330,7 @@ static void remember_cell(const struct merge *g, int x0, int y0)
         struct picture_pixel *pixel = g->m->pixel + (size_t)y * (size_t)g->m->width;
         const uint16_t *surface = sst_map_u16_row(in->surface, y);
         const uint8_t *weight = sst_map_u8_row(in->weight, y);
+        const uint8_t *seen = in->behind && in->behind->late ? sst_map_u8_row(&in->behind->seen, y) : NULL;
         uint8_t *kind = sst_map_u8_row(in->kind, y);
 
         for (int x = x0; x < x1; x++) {
@@ -339,6 +341,11 @@ static void remember_cell(const struct merge *g, int x0, int y0)
             kind[x] = PICTURE_FILLED;
             if (pixel[x].disp == SST_DISP_NONE)
                 continue;
+            if (seen && seen[x] >= PICTURE_SEEN_WEIGHT) { /* the next maps tell */
+                kind[x] = PICTURE_REMEMBERED;
+                show(in, &pixel[x], x, y);
+                continue;
+            }
             if (around == UNKNOWN)
                 around = changed_around(g->m, x, y) ? CHANGED : STAYED;
             if (around == CHANGED || !stays(g, &pixel[x], x, y)) {

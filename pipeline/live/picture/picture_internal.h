@@ -49,6 +49,8 @@ struct picture_behind {
     uint64_t counted, present_serial;
     int round, turns;         /* sets so far; in which all stale cells are rendered */
     int64_t t_ns, step_ns;    /* of the last set; mean time between sets */
+    bool late;                /* the maps are of an earlier set, ... */
+    struct sst_map_u8 seen;   /* ... with these weights before rays agreed */
     bool swaying;             /* the rays of most cells with holes have changed */
     uint64_t serial;          /* of the light field when stale cells were marked */
     struct sst_image image;   /* empty until the first picture */

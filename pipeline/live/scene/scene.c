@@ -67,6 +67,7 @@ void sst_livescene_close(struct sst_livescene *s)
     free(s->candidates);
     scene_foreground_close(s->foreground);
     sst_map_u16_fini(&s->labelled);
+    sst_map_u8_fini(&s->labels);
     sst_mem_free(s->hist);
     free(s);
 }
@@ -297,9 +298,11 @@ static int compute_changes(struct sst_livescene *s, struct sst_liveframes_change
     err = scene_compute(s, report);
     if (err)
         return err;
-    s->maps_t_ns = s->t_ns;
     report->label_runs = s->label_runs;
     report_changes(s, changes);
+    if (s->late_t_ns > s->maps_t_ns && changes->changed > report->tiles_changed)
+        report->tiles_changed = changes->changed; /* also those of sets without maps */
+    s->maps_t_ns = s->t_ns;
     clean(s);
     report->whole = s->whole;
     return 0;

@@ -407,6 +407,8 @@ int scene_compute(struct sst_livescene *s, struct sst_live_report *report)
 
     s->label_ns = 0;
     s->label_runs = 0;
+    if (s->key_whole[0]) /* labels ahead are of another view */
+        sst_map_u8_fini(&s->labels);
     err = err ? err : match_keys(s);
     err = err ? err : scene_follow_range(s, &wider);
     if (!err && wider)
