@@ -114,7 +114,7 @@ void engine_note_set_locked(struct live_engine *v, const struct sst_live_report 
     v->update++;
     window_add(&s->stage_ms[ENGINE_WAIT], (double)wait_ns / 1e6, now_ns);
     for (int i = 0; i < SST_LIVE_STAGES; i++)
-        if (!r->late || (i != SST_LIVE_DISPARITY && i != SST_LIVE_REFINE)) /* which it left out */
+        if (!r->late || (i != SST_LIVE_DISPARITY && i != SST_LIVE_REFINE)) /* left out */
             window_add(&s->stage_ms[ENGINE_LIVE + i], (double)r->stage_ns[i] / 1e6, now_ns);
     for (int i = 0; i < 256; i++) {
         v->share[i] = r->zone[SST_LIVE_ZONES].label[i];

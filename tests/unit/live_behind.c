@@ -317,7 +317,7 @@ static void late_maps_are_the_same_for_all_threads(void **state SST_UNUSED)
     sst_image_fini(&two);
 }
 
-/* Working memory of a merge, and what the memory holds: one colour. */
+/* Working memory of a merge. */
 struct merging {
     struct sst_image image;
     struct sst_map_u16 surface;
@@ -350,7 +350,7 @@ static void fini_merging(struct merging *m)
     sst_map_u8_fini(&m->kind);
 }
 
-/* Until the next maps, pixels that the last ones show keep their colour, and rays that agree decide the others. */
+/* Until the next maps, pixels that the last maps show keep their colour, and rays that agree decide the others. */
 static void late_maps_keep_what_they_have_seen(void **state SST_UNUSED)
 {
     struct merging m = { 0 };

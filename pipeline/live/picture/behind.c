@@ -163,7 +163,7 @@ static bool count_holes(struct picture_behind *b, const struct sst_map_u8 *weigh
     return any;
 }
 
-/* Cells with holes: those of the last maps, or of these. @return any */
+/* Find cells with holes, in late sets by the last maps. @return any */
 static bool find_holes(struct picture_behind *b, const struct sst_live *live, const struct sst_map_u8 *weight)
 {
     bool any = false;

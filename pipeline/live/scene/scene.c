@@ -243,7 +243,7 @@ static void clean(struct sst_livescene *s)
     s->ready = true;
 }
 
-/* May the maps stay those of an earlier set? */
+/* May the maps stay as they are in this set? */
 static bool may_wait(const struct sst_livescene *s, int64_t tiles)
 {
     int64_t all = 0;
@@ -301,7 +301,7 @@ static int compute_changes(struct sst_livescene *s, struct sst_liveframes_change
     report->label_runs = s->label_runs;
     report_changes(s, changes);
     if (s->late_t_ns > s->maps_t_ns && changes->changed > report->tiles_changed)
-        report->tiles_changed = changes->changed; /* also those of sets without maps */
+        report->tiles_changed = changes->changed; /* with the tiles of sets without maps */
     s->maps_t_ns = s->t_ns;
     clean(s);
     report->whole = s->whole;
