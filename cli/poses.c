@@ -14,6 +14,7 @@
 
 #define METRE_MM   1000.0
 #define MOST_LF    256 /* on one command line */
+#define FOCAL_VAGUE 0.05 /* doubt of a focal length that was found, of which users are warned */
 #define FOCAL_MISS 0.1 /* of the focal length: searches with narrow lenses are a few percent off */
 #define WIDEST     110.0 /* degrees across the width of a plausible lens that is no fisheye */
 
@@ -65,6 +66,8 @@ static json_t *result_json(const struct poses_run *run, int i)
                              "spacing", r->spacing_mm / METRE_MM, "unplaced", names_json(posed, NULL), "doubtful",
                              names_json(posed, r->doubtful), "centres", centres_json(posed), "history", posed->history);
 
+    if (r->focal_doubt > 0)
+        json_object_set_new(json, "focal_doubt_percent", json_real(100 * r->focal_doubt));
     if (r->sharper > 0)
         json_object_update_new(json,
                                json_pack("{s:f, s:f}", "sharper", r->sharper, "ground_m", r->ground_mm / METRE_MM));
@@ -111,13 +114,19 @@ static void print_text(const struct poses_run *run, int i, bool refine)
         printf(", residuals %.2f px (median)", r->median_px);
     if (isfinite(r->p90_px))
         printf(", %.2f px (90 %%)", r->p90_px);
-    printf(", focal length %.1f px\n", r->focal_px);
+    printf(", focal length %.1f px", r->focal_px);
+    if (r->focal_doubt > 0)
+        printf(" +- %.2g %%", 100 * fmin(r->focal_doubt, 1));
+    printf("\n");
     printf("  mean distance of neighbours %.3f %s, %d points\n", r->spacing_mm / METRE_MM,
            posed->metric ? "m" : "(unit unknown)", posed->point_count);
     if (run->given[i] && !refine)
         printf(
             "  these replace %d given poses (%.*s); --refine starts from given poses and keeps their axes and unit\n",
             run->given[i], (int)strcspn(run->origin[i], ";"), run->origin[i][0] ? run->origin[i] : "of unknown origin");
+    if (r->focal_doubt > FOCAL_VAGUE)
+        printf("  these views hardly fix the focal length, and heights of the scene are as uncertain: if it is known, give it by "
+               "--focal PX\n");
     if (across > WIDEST)
         printf("  the focal length may be wrong: the picture would be %.0f degrees wide; it is in pixels, not mm: try "
                "--focal 0, which searches it\n", across);

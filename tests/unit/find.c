@@ -164,6 +164,32 @@ static void sharpened(void **state SST_UNUSED)
     fell(&f);
 }
 
+/* Views are registered on the ground that the source names, at z = 0, although the given rotations agree on a nearer and tilted plane. */
+static void sharpened_on_a_known_ground(void **state SST_UNUSED)
+{
+    const struct sst_sharpen_config cfg = { 0 };
+    const struct sst_calib_camera *middle;
+    struct sst_sharpened result;
+    struct forest f;
+
+    plant(&f, "flight", small_level() >= 2 ? 6 : 8, 320, 256);
+    snprintf(f.posed.source, sizeof(f.posed.source), "AOS");
+    for (int k = 0; k < f.posed.count; k++) {
+        double turn[9], own[9];
+
+        memcpy(own, f.posed.view[k].camera.rotation, sizeof(own));
+        sst_rotation_from_vector((double[]){ 0.009 * (k % 3 - 1), 0.009 * (k / 3 % 3 - 1), 0 }, turn);
+        sst_numbers_mul3(turn, own, f.posed.view[k].camera.rotation);
+    }
+    middle = &f.posed.view[sst_posed_middle(&f.posed)].camera;
+    const double height = 31500, along = -middle->rotation[8], lower = middle->position_mm[2] - height;
+    for (int k = 0; k < f.posed.count; k++)
+        f.posed.view[k].camera.position_mm[2] -= lower;
+    assert_int_equal(sst_posed_sharpen(&f.posed, f.path, &cfg, &result), 0);
+    assert_true(small_level() >= 2 || (result.moved > 0 && fabs(result.distance_mm * along - height) < 1));
+    fell(&f);
+}
+
 static void find_colour(bool twice)
 {
     struct sst_find_config cfg = sst_find_defaults();
@@ -222,6 +248,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(thermal),
         cmocka_unit_test(sharpened),
+        cmocka_unit_test(sharpened_on_a_known_ground),
         serial_test(colour),
         plain_test(colour_alike_by_any_threads),
         cmocka_unit_test(nothing_to_search),

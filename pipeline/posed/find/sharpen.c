@@ -31,6 +31,8 @@
 #define TILES       8    /* along a side, of which the gain of a view is the mean */
 #define SIGNIFICANT 0.5  /* standard errors of a view's gain */
 #define GAIN        1.02 /* least ratio of sharpness after and before */
+#define ZERO_NEAR   0.1  /* of its distance: how far from the sharpest plane the ground of the source may be ... */
+#define ZERO_SHARP  0.4  /* and how sharp at least, in that one's sharpness */
 #define RAD         (M_PI / 180)
 
 struct sharp {
@@ -46,6 +48,7 @@ struct sharp {
     struct sst_integral *sum, *squares, *one;
     double normal[3], across[2][3];
     double at[3];             /* distance, two slopes of the plane */
+    double zero_mm;           /* distance of the ground as the source has it; 0: unknown */
     struct sst_map_f32 *seen; /* [n] scores on the plane */
     struct sst_map_f32 total; /* sums of the scores */
     struct sst_map_u16 count;
@@ -562,6 +565,8 @@ static int planes_init(struct sharp *s, const struct sst_posed *posed)
     level = vector_length(posed->up) > 0.5 && against < -0.5;
     for (int i = 0; i < 3; i++)
         s->normal[i] = level ? posed->up[i] : -middle.rotation[6 + i];
+    if (level && !strncmp(posed->source, "AOS", 3)) /* whose heights are above the ground */
+        s->zero_mm = -vector_dot(posed->up, middle.centre_mm) / against;
     vector_cross(s->across[0], s->normal, middle.rotation + 3);
     vector_unit(s->across[0]);
     vector_cross(s->across[1], s->normal, s->across[0]);
@@ -591,14 +596,35 @@ static void sharp_fini(struct sharp *s)
     free(s->seen);
 }
 
+/* Turns that grow along a line of views move its sharpest plane: a plane that the source knows decides between them.
+ * @param known  out */
+static int take_known(bool *known, struct sharp *s, double best)
+{
+    const double at[3] = { s->zero_mm, 0, 0 };
+    double value;
+    int err;
+
+    *known = false;
+    if (!(fabs(s->zero_mm / s->at[0] - 1) < ZERO_NEAR))
+        return 0;
+    err = sharpness(&value, s, at);
+    *known = !err && value > ZERO_SHARP * best;
+    if (*known)
+        memcpy(s->at, at, sizeof(at));
+    return err;
+}
+
 static int refine(struct sharp *s, struct sst_posed *posed, struct sst_sharpened *out)
 {
     double after = out->before;
+    bool known = false;
     int err = climb(s, &after, 1);
 
+    out->before = after;
+    err = err ? err : take_known(&known, s, after);
     err = err ? err : register_all(s, 0);
     err = err ? err : sharpness(&after, s, s->at);
-    err = err ? err : climb(s, &after, 0.5);
+    err = err || known ? err : climb(s, &after, 0.5);
     err = err ? err : register_all(s, 3);
     err = err ? err : keep_gains(s, &out->moved);
     err = err ? err : sharpness(&after, s, s->at); /* with the views' rotations */

@@ -19,7 +19,9 @@
 #define KNOWN_FOCAL     0.03 /* sigma of the logarithm of a focal length that is given */
 #define LINE_PREFERENCE 1.2  /* cost that a line may have, of the cost without it */
 #define INLIER_PX       3.0
-#define FREE_ROUNDS     20 /* of the adjustment with a free focal length, which is compared with the given one */
+#define FREE_ROUNDS     20 /* of adjustments with another focal length, which are compared with the result */
+#define FOCAL_STEP      0.05
+#define DOUBT_SPREADS   10 /* that an error may have */
 #define STILL_FACTOR    2.0 /* cost of rotations alone, of that with motion, below which nothing moved */
 
 #define RAD        (3.14159265358979 / 180)
@@ -370,6 +372,32 @@ static int find_free_focal(struct poses_scene *scene, const struct poses_adjust 
     return err;
 }
 
+/* Doubt of a focal length that was found: how fast the cost rises when it is held FOCAL_STEP longer and all else adjusts.
+ * Sights that share errors of matches count less than free ones: the spread is multiplied by DOUBT_SPREADS. */
+static int find_focal_doubt(struct poses_scene *scene, const struct poses_adjust *how)
+{
+    struct poses_adjust now = *how;
+    struct poses_model model;
+    double best, longer;
+    int err = poses_model_copy(&model, &scene->model);
+
+    if (err)
+        return err;
+    now.free_focal = false;
+    now.rounds = FREE_ROUNDS;
+    now.sigma_px = 1;
+    err = poses_adjust(&model, &scene->few, &now, &best);
+    model.focal *= 1 + FOCAL_STEP;
+    err = err ? err : poses_adjust(&model, &scene->few, &now, &longer);
+    if (!err) {
+        const double freedom = fmax(2.0 * scene->few.sights - 3.0 * scene->few.tracks - 6.0 * scene->used, 1);
+
+        scene->focal_doubt = DOUBT_SPREADS * FOCAL_STEP / sqrt(fmax(longer - best, 0) * freedom / best + 1e-9);
+    }
+    poses_model_fini(&model);
+    return err;
+}
+
 int poses_find(struct poses_scene *scene, const struct sst_posed_solve_config *cfg)
 {
     struct search s = { .scene = scene, .cfg = cfg };
@@ -392,8 +420,8 @@ int poses_find(struct poses_scene *scene, const struct sst_posed_solve_config *c
         how.free_k1 = cfg->free_lens;
         err = poses_finish(scene, &how, 8);
     }
-    if (!err && !how.free_focal)
-        err = find_free_focal(scene, &how);
+    if (!err)
+        err = how.free_focal ? find_focal_doubt(scene, &how) : find_free_focal(scene, &how);
     for (int i = 0; i < s.attempts; i++)
         poses_model_fini(&s.attempt[i].model);
     poses_tracks_fini(&s.tracks);

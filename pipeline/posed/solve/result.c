@@ -415,6 +415,7 @@ int poses_report(struct poses_scene *scene, const struct sst_posed_solve_config 
     posed->median_px = solved->median_px;
     solved->focal_px = posed->view[first_placed(scene)].camera.fx;
     solved->free_focal_px = scene->free_focal * solved->focal_px / scene->focal;
+    solved->focal_doubt = scene->focal_doubt;
     solved->spacing_mm = spacing_of(scene) * w.unit;
     write_history(scene, cfg, solved);
 done:

@@ -26,6 +26,7 @@ struct sst_posed_solved {
     double median_px, p90_px; /* residuals of all sights of points */
     double focal_px;          /* of the first placed view */
     double free_focal_px;     /* that the matches ask for, where a given one was kept; 0: none was */
+    double focal_doubt;       /* relative: how far one that was found may be off; 0: it was given */
     double spacing_mm;        /* mean distance of neighbours on a line, else by name, in the light field's unit */
     bool *doubtful;           /* [views] placed, but not plausibly: its neighbours' distances or directions differ */
     double *view_px;          /* [views] median residual; NAN: not placed */

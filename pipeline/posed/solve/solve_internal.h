@@ -67,6 +67,7 @@ struct poses_scene {
     double focal;             /* of ideal px */
     bool focal_known;
     double free_focal; /* by matches alone, where the focal length is known; 0: not found */
+    double focal_doubt; /* of the one that was found, relative: how far it may be off; 0: it was given */
     bool lenses; /* ideal px are of the views' own lenses, else of pinholes */
     bool warm;   /* if features find no poses, warm places may refine given ones: failures are not logged */
 };
