@@ -24,7 +24,7 @@
 #define NEAREST     0.7  /* of the extent of the views: the sweep's first plane */
 #define FARTHEST    15.0 /* and its last one */
 #define RATIO       1.05 /* of the distances of neighbouring planes */
-#define ROUNDS      6    /* of registration */
+#define ROUNDS      9    /* of registration */
 #define DAMPED      0.7  /* share of a step that is made at once: views move together */
 #define PRIOR       0.05 /* correlation that a rotation by one sigma must gain, twice */
 #define SIGMA_DEG   0.5
@@ -436,8 +436,8 @@ static void keep_mean(struct sharp *s)
 /* From far to near. @param first  round: later ones reach less far */
 static int register_all(struct sharp *s, int first)
 {
-    static const double sigma_px[ROUNDS] = { 3, 2, 1.5, 1, 1, 1 };
-    static const double reach_deg[ROUNDS] = { 1.2, 1.2, 0.8, 0.6, 0.4, 0.4 };
+    static const double sigma_px[ROUNDS] = { 3, 2, 1.5, 1, 1, 1, 1, 0.7, 0.7 };
+    static const double reach_deg[ROUNDS] = { 1.2, 1.2, 0.8, 0.6, 0.4, 0.4, 0.2, 0.2, 0.2 };
     int err = 0;
 
     for (int round = first; round < ROUNDS && !err; round++) {
