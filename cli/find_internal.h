@@ -28,7 +28,7 @@ int cli_find_moments_load(struct find_moments *m, const char *const *path);
  * Moments of a search and their times. One light field has some where its views have moments and two or more of these
  * have two placed views or more; its own times are used where they rise.
  *
- * @param scene       of the only light field, or of one of those that are loaded
+ * @param scene       of the only light field, or of one of several
  * @param interval_s  between moments; 0: the light field's times, or 0.5
  * @return exit code, CLI_GO_ON; errors are logged
  */

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # apt 2.6.2: a package with `Protected: yes` is as hard to remove as an essential one, though only dpkg's own removal forces are named for the
 # field: `apt-get -y remove` refuses the whole list with it (exit 100), also a package that was installed as a dependency a moment before.
-# systemd-sysv has the field since Debian 13, so piuparts on Debian 12 fails packages there whose dependencies bring it.
+# systemd-sysv has the field since Debian 13, so piuparts on Debian 12 fails packages there that bring it by their dependencies.
 # SPDX-FileCopyrightText: 2026 The sst contributors
 # SPDX-License-Identifier: Apache-2.0
 . "$(dirname "$0")/../scripts/finding.sh"

@@ -40,7 +40,7 @@ export class Cards {
     return Math.max(getComputedStyle(this.box).gridTemplateColumns.split(" ").length, 1);
   }
 
-  /** Draws the cards near the view, and moves to none. @param all  also cards that are there already, whose items may have changed */
+  /** Draws the cards near the view, and moves to none. @param all  also cards that are there already: their items may have changed */
   draw(all = true) {
     cancelAnimationFrame(this.frame);
     this.frame = null;

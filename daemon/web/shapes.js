@@ -18,7 +18,7 @@ export const plain = (text) => text.trim().toLowerCase().replace(/[^a-z0-9_-]+/g
 const round = (v) => Math.round(Math.min(Math.max(v, 0), 1) * 10000) / 10000;
 
 /**
- * Subclasses list visible shapes by shown(), give it colours by colour(), and have elements whose ids begin with `kind`: a form of one shape
+ * Subclasses list visible shapes by shown(), give it colours by colour(), and have elements with ids that begin with `kind`: a form of one shape
  * (-one), its -name, buttons -done and -redraw, fields -near and -far; and for drawings -shapes in the picture, -marks over it.
  */
 export class Shapes {

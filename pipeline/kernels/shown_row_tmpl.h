@@ -7,7 +7,7 @@
 #define SHOWN_BLOCK 8
 
 struct KERNEL(shown_limits) {
-    __m512i bytes, words; /* largest differences of colours, of disparities; those of the rest do not count */
+    __m512i bytes, words; /* largest differences of colours, of disparities; unused bytes and words do not count */
 };
 
 static inline __m256i KERNEL(shown_place)(const struct sst_shown *s, int axis, __m256i own, __m256i d)

@@ -100,7 +100,7 @@ struct sst_live_report {
     double confirmed; /* fraction of the key views' disparities that another key view confirms; NaN: unknown */
     struct sst_samples levels; /* of 16-bit frames, that become black and white; white 0: all, or frames of 8 bits */
     bool whole;       /* everything was recomputed */
-    bool late;        /* disparities are those of an earlier set: dense leaves move */
+    bool late;        /* disparities are from an earlier set: dense leaves move */
     bool ready;       /* disparities (and labels, with a model) are available */
     bool alone;       /* no two neighbouring cameras deliver pictures, so disparities cannot be computed */
     struct {

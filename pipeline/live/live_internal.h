@@ -39,7 +39,7 @@ struct sst_live {
     bool ready;
     double confirmed;               /* fraction of the disparities that another key view confirms; 1: unknown */
     bool low_confidence;            /* the maps have low confidence: rays are verified if the settings ask for it */
-    bool late;                      /* disparities are those of an earlier set than the pictures */
+    bool late;                      /* disparities are from an earlier set than the pictures */
     bool lost;                      /* changes got lost by an error: the next update computes everything */
     uint64_t serial;                /* of the last change ingested; 0: none */
     uint64_t *stamp[SST_MAX_VIEWS]; /* [tiles] serial of the tile's last change; NULL: absent view */

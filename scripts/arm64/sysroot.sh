@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# sysroot.sh DIR [all | FILE.deb...]: unpack the arm64 libraries that the build cannot do without, or those of all optional
+# sysroot.sh DIR [all | FILE.deb...]: unpack the arm64 libraries that the build cannot do without, or all optional
 # parts too, or built packages with their dependencies, from Debian's archive into DIR. apt resolves them as on an empty arm64
 # machine, with lists of its own: no root, and no change to the packages of this machine. RELEASE=trixie: of that release.
 # SPDX-FileCopyrightText: 2026 The sst contributors

@@ -7,7 +7,7 @@ set -eu
 cd "$(dirname "$0")/../.."
 dist=$1
 out=build/packages/$dist/arm64 build=$(realpath "${SST_BUILD-build}") root=$PWD/build/packages/$dist/arm64-root
-# Networks are of no architecture: those of the packages of this machine.
+# Networks are of no architecture: the packages of this machine have them.
 mapfile -t debs < <(find "$out" "${out%/*}/$(dpkg --print-architecture)" \( -name '*_arm64.deb' -o -name 'sst-models_*_all.deb' \) ! -name '*-dbgsym_*' \
   ! -name '*-dev_*' | sort)
 RELEASE=$dist scripts/arm64/sysroot.sh "$root" "${debs[@]}"

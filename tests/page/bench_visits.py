@@ -90,7 +90,7 @@ def main():
         time.sleep(2)
         print(f"before     {before[0]} {before[1]:6.1f} MB heap")
         print(f"{visits} visits {renderer(b)} {heap_mb(b):6.1f} MB heap, {cards} cards and {images} pictures in the page")
-        b.js("document.querySelector('#visits .visit-open').focus()")  # all of them with keys alone
+        b.js("document.querySelector('#visits .visit-open').focus()")  # each with keys alone
         b.key("Home", 36)
         for _ in range(visits):
             b.key("r", 82, "r")

@@ -88,7 +88,7 @@ static int find_agreement(const struct neighbour *n, int x, int y)
         while (d < end && !is_inside(n, x, y, end - 1))
             end--;
     }
-    /* SST_DISP_NONE is farther than that from all of them. */
+    /* SST_DISP_NONE is farther than AGREE_Q6 from all disparities. */
     for (; d < end; d++) {
         if ((unsigned)(own[p->at[d]] - d * (int)SST_DISP_SCALE + AGREE_Q6) <= 2 * AGREE_Q6)
             return d;

@@ -70,7 +70,7 @@ static void gather_row(const struct gathered_row *to, struct process_rays *rays,
         int left = 0;
 
         process_rays_find(rays, &c->lf->views[view], out->packed[view], &s->at[i]);
-        for (int k = 0; k < rays->count; k++) { /* what is shown is hard to predict: no branches */
+        for (int k = 0; k < rays->count; k++) { /* the answers are hard to predict: no branches */
             const int32_t at = rays->at[k];
             const uint8_t label = rays->label[k];
             const int x = (int)(rays->own[k] >> SST_RAY_COLUMN);

@@ -120,8 +120,8 @@ static void mean_row(const struct mapped *m, int y)
         m->v->costs[least[1][x]]++;
 }
 
-/* Layers of paths begin a pixel later (from the left) or earlier: what a pixel reads of the row before, a pixel beside
- * it, then lies where vectors begin. */
+/* Layers of paths begin a pixel later (from the left) or earlier, so that the pixel beside it in the row before lies where
+ * vectors begin. */
 static uint8_t *skewed(uint8_t *path, int t)
 {
     return path + (t ? -1 : 1);

@@ -565,7 +565,7 @@ static int planes_init(struct sharp *s, const struct sst_posed *posed)
     level = vector_length(posed->up) > 0.5 && against < -0.5;
     for (int i = 0; i < 3; i++)
         s->normal[i] = level ? posed->up[i] : -middle.rotation[6 + i];
-    if (level && !strncmp(posed->source, "AOS", 3)) /* whose heights are above the ground */
+    if (level && !strncmp(posed->source, "AOS", 3)) /* its heights are above the ground */
         s->zero_mm = -vector_dot(posed->up, middle.centre_mm) / against;
     vector_cross(s->across[0], s->normal, middle.rotation + 3);
     vector_unit(s->across[0]);
