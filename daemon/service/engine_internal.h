@@ -60,7 +60,10 @@ struct view {
     struct sst_livepicture_clear shown; /* of its picture */
     int64_t used_ns;                    /* time of the last request for it */
     struct sst_slot *slot;
-    struct sst_livepicture *picture; /* live thread only */
+    struct sst_livepicture *picture; /* live thread only; NULL: main's, while its settings are the same */
+    bool alone;                      /* has a picture of its own, or will have */
+    uint64_t rendering;              /* number of the rendering that its picture comes from; live thread */
+    uint64_t shown_rendering;        /* number of the rendering that its clients have; live thread */
 };
 
 /** A picture shared by all clients: of a camera, of labels or disparities. */
@@ -202,6 +205,7 @@ struct live_engine {
     struct sized sized[SST_LIVE_TRACKS]; /* changed under lock, too */
     int sizeds;
     int64_t pace_s, pace_from_s, pace_turn_s; /* last looked at; not before; another state is seen since; 0: none */
+    uint64_t renderings;                   /* of pictures of views, so far; live thread */
     struct sst_livepicture *visit_picture; /* NULL until the first */
     struct sst_jpeg_encoder *encoder;      /* NULL until the first picture */
     struct sst_image overlay_image;        /* of labels or disparities; empty until the first */

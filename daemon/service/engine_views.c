@@ -232,6 +232,7 @@ void engine_forget_pictures(struct live_engine *v)
         pthread_mutex_lock(&v->lock);
         picture = v->view[i].picture;
         v->view[i].picture = NULL;
+        v->view[i].alone = false;
         v->view[i].shown_version = 0;
         pthread_mutex_unlock(&v->lock);
         sst_livepicture_destroy(picture);
@@ -335,6 +336,41 @@ static int show(struct live_engine *v, struct sst_slot *slot, const struct sst_i
     return sst_slot_put(slot, data, bytes, v->set_index, v->set_t_ns, v->set_wall_ns);
 }
 
+/* Is the picture of main also this view's? Settings that say the same render the same. */
+static bool shows_main(struct live_engine *v, const struct view *e, const struct view_settings *settings)
+{
+    const struct view *m = &v->view[0];
+    json_t *own = NULL, *other = NULL;
+    bool is = false;
+
+    pthread_mutex_lock(&v->lock);
+    if (e != m && !e->alone && m->used && !m->shown.objects && !settings->follow_track) {
+        own = view_settings_json(settings);
+        other = view_settings_json(&m->settings);
+        is = own && other && json_equal(own, other);
+    }
+    pthread_mutex_unlock(&v->lock);
+    json_decref(own);
+    json_decref(other);
+    return is;
+}
+
+/* The view that has the picture of view e: main or e, which then begins with the memory of main.
+ * @return NULL: no memory (logged) */
+static struct view *owner_of(struct live_engine *v, struct view *e, const struct view_settings *settings)
+{
+    struct view *o = shows_main(v, e, settings) ? &v->view[0] : e;
+
+    if (o->picture)
+        return o;
+    if (sst_livepicture_create(&o->picture, v->live))
+        return NULL;
+    o->alone = true;
+    if (o != &v->view[0] && v->view[0].picture && sst_livepicture_remember(o->picture, v->view[0].picture))
+        return NULL;
+    return o;
+}
+
 /** @param ns  in, out, time spent on rendering and on encoding @return a picture was made */
 static bool render_view(struct live_engine *v, struct view *e, const struct view_settings *settings, int quality,
                         int64_t ns[2])
@@ -343,37 +379,39 @@ static bool render_view(struct live_engine *v, struct view *e, const struct view
     const struct sst_image *image;
     struct sst_livepicture_clear shown;
     struct sst_render_config render;
+    struct view *o = owner_of(v, e, settings);
     int64_t rendered_px = 0, rendered_ns;
     bool first;
-    int err = 0;
+    int err = o ? 0 : -ENOMEM;
 
     resolve(v, e, settings, &render);
-    if (!e->picture)
-        err = sst_livepicture_create(&e->picture, v->live);
     if (!err) {
-        sst_livepicture_decorate(e->picture,
+        sst_livepicture_decorate(o->picture,
                                  settings->outline          ? SST_OUTLINE_ALL
                                  : settings->outline_moving ? SST_OUTLINE_MOVING
                                                             : SST_OUTLINE_NONE,
                                  settings->tint);
-        err = sst_livepicture_render(e->picture, &render, &image, &rendered_px);
+        err = sst_livepicture_render(o->picture, &render, &image, &rendered_px);
     }
-    if (err == -ENODATA && e->picture && render.method != SST_RENDER_REFOCUS) {
+    if (err == -ENODATA && render.method != SST_RENDER_REFOCUS) {
         render.method = SST_RENDER_REFOCUS; /* until there are disparities */
-        err = sst_livepicture_render(e->picture, &render, &image, &rendered_px);
+        err = sst_livepicture_render(o->picture, &render, &image, &rendered_px);
     }
     rendered_ns = sst_clock_now_ns();
     ns[0] += rendered_ns - start_ns;
     if (err)
         return false;
-    sst_livepicture_clear(e->picture, &shown);
+    if (rendered_px)
+        o->rendering = ++v->renderings;
+    sst_livepicture_clear(o->picture, &shown);
     pthread_mutex_lock(&v->lock);
     first = !e->shown_version;
     e->shown_focus_px = render.focus_px;
     e->shown = shown;
     pthread_mutex_unlock(&v->lock);
-    if (!rendered_px && !first && v->events)
+    if (e->shown_rendering == o->rendering && !first && v->events)
         return false;
+    e->shown_rendering = o->rendering;
     err = show(v, e->slot, image, quality);
     ns[1] += sst_clock_now_ns() - rendered_ns;
     return !err;
@@ -639,9 +677,24 @@ static int change_objects(struct live_engine *v, struct view *e, struct request 
     return 0;
 }
 
+/* Picks are in the picture that the view shows; things are removed from one of its own. */
 static int serve(struct live_engine *v, struct view *e, struct request *r)
 {
-    return r->kind == REQUEST_PICK ? sst_livepicture_pick(e->picture, r->x, r->y, &r->pick) : change_objects(v, e, r);
+    struct view_settings settings;
+    struct view *o = e;
+
+    pthread_mutex_lock(&v->lock);
+    settings = e->settings;
+    if (r->kind != REQUEST_PICK && e != &v->view[0] && !e->picture) {
+        e->alone = true;
+        e->shown_version = 0; /* its picture is to be rendered */
+    }
+    pthread_mutex_unlock(&v->lock);
+    if (r->kind == REQUEST_PICK && shows_main(v, e, &settings))
+        o = &v->view[0];
+    if (!o->picture)
+        return -ENODATA;
+    return r->kind == REQUEST_PICK ? sst_livepicture_pick(o->picture, r->x, r->y, &r->pick) : change_objects(v, e, r);
 }
 
 void engine_serve(struct live_engine *v)
@@ -660,12 +713,12 @@ void engine_serve(struct live_engine *v)
     v->request.started = true;
     r = v->request;
     pthread_mutex_unlock(&v->lock);
-    if (e && e->picture)
+    if (e)
         err = serve(v, e, &r);
-    /* Not rendered since cameras came or went. */
+    /* Not rendered since cameras came or went, or not yet alone. */
     if (e && err == -ENODATA && v->live && (v->set_index || v->set_t_ns)) {
         (void)publish_view(v, e, true, ns);
-        err = e->picture ? serve(v, e, &r) : err;
+        err = serve(v, e, &r);
     }
     pthread_mutex_lock(&v->lock);
     if (v->request.pending && v->request.number == r.number) { /* else the request of another client, which is gone */

@@ -269,6 +269,9 @@ enum sst_livepicture_outline {
     SST_OUTLINE_MOVING = 2, /* of removed tracks */
 };
 
+/** Give clear pictures the memory of another picture of the same scene. @return 0, -ENOMEM (logged) */
+SST_MUST_CHECK int sst_livepicture_remember(struct sst_livepicture *p, const struct sst_livepicture *from);
+
 /** Draw outlines, and a tint over pixels that were last seen more than a second ago. */
 void sst_livepicture_decorate(struct sst_livepicture *p, enum sst_livepicture_outline outline, bool tint);
 

@@ -32,6 +32,10 @@ ask "/api/v1/views/$id" '{"focus": 5}' | grep -q 'did you mean .focus_px' || fai
 ask "/api/v1/views/$id" '{"remove_label": "Dragon"}' | grep -q 'knows no class' || fail "an unknown label to remove is not refused"
 ask "/api/v1/views/$id" '{"method": "magic"}' | grep -q 'method must be' || fail "an unknown method is not refused"
 
+# A view with the settings of the recorded one has its picture, until something is removed from the view.
+view=$(ask /api/v1/views '{}' | /usr/bin/python3 -c 'import json, sys; print(json.load(sys.stdin)["id"])')
+awaits "curl -sf -m 10 --unix-socket c.sock 'http://x/snapshot/$view' >own.jpg && curl -sf -m 10 --unix-socket c.sock http://x/snapshot/main >main.jpg && cmp -s own.jpg main.jpg" || fail "a view with the settings of main has another picture"
+
 # Clear is the default of views; a thing under a point goes, and comes back.
 [ "$(field shown_percent)" = 100.0 ] || fail "the clear picture of a new view: $(cat views)"
 removes() { awaits "curl -s -m 10 --unix-socket c.sock -H 'Content-Type: application/json' -d '$1' 'http://x/api/v1/views/$id/remove' >removed; grep -q '$2' removed" || fail "remove $1: $(cat removed)"; }

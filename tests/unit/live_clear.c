@@ -46,6 +46,27 @@ static void behind(struct shown *s, struct sst_image *out)
     assert_int_equal(sst_scene_render(s->scene, 0, 0, 1, &(struct sst_scene_maps){ .image = out }), 0);
 }
 
+/* A new picture that takes over the memory of another one shows as much of it. */
+static void remembers_too(struct shown *s, const struct sst_livepicture *from, double remembered)
+{
+    const struct sst_render_config cfg = clear_config(NAN);
+    struct sst_livepicture_clear shown;
+    const struct sst_image *image;
+    struct sst_livepicture *p;
+    int64_t px;
+
+    for (int takes_over = 0; takes_over < 2; takes_over++) {
+        assert_int_equal(sst_livepicture_create(&p, s->live), 0);
+        if (takes_over)
+            assert_int_equal(sst_livepicture_remember(p, from), 0);
+        assert_int_equal(sst_livepicture_render(p, &cfg, &image, &px), 0);
+        sst_livepicture_clear(p, &shown);
+        assert_true(takes_over ? shown.remembered > 0.5 * remembered : shown.remembered == 0);
+        sst_livepicture_destroy(p);
+    }
+    assert_true(remembered > 0);
+}
+
 static void a_walker_vanishes_and_leaves_nothing(void **state SST_UNUSED)
 {
     struct sst_livepicture_clear shown;
@@ -78,6 +99,8 @@ static void a_walker_vanishes_and_leaves_nothing(void **state SST_UNUSED)
         sst_image_fini(&truth);
         assert_int_equal(sst_livepicture_render(p, &cfg, &image, &px), 0);
         assert_int_equal(px, 0); /* nothing changed: nothing is computed */
+        if (i == 4)
+            remembers_too(&s, p, shown.remembered);
     }
     assert_false(isnan(sst_live_cut(s.live)));
     sst_livepicture_destroy(p);

@@ -35,6 +35,7 @@ struct picture_clear {
     struct sst_render_config cfg; /* of the picture */
     enum sst_livepicture_outline outline;
     bool tint;
+    bool taken_over; /* the memory is another picture's, until the first picture */
     unsigned objects_shown, objects_version;
     uint64_t serial, present_serial;
     double disp_min_px;
@@ -329,10 +330,20 @@ static void resolve(struct picture_clear *c, struct sst_render_config *cfg)
 /* The remembered surfaces have other stored disparities now, or other views see them. */
 static void check_memory(struct picture_clear *c)
 {
-    if (c->rendered && same(c->disp_min_px, c->live->lf.disp_min_px))
+    const bool valid = c->rendered || c->taken_over;
+
+    c->taken_over = false;
+    if (valid && same(c->disp_min_px, c->live->lf.disp_min_px))
         return;
     picture_memory_forget(&c->memory);
     c->disp_min_px = c->live->lf.disp_min_px;
+}
+
+void picture_clear_remember(struct picture_clear *c, const struct picture_clear *from)
+{
+    picture_memory_copy(&c->memory, &from->memory);
+    c->disp_min_px = from->disp_min_px;
+    c->taken_over = from->rendered || from->taken_over;
 }
 
 static int decorate(struct picture_clear *c)

@@ -81,6 +81,14 @@ void picture_memory_forget(struct picture_memory *m)
     m->started = false;
 }
 
+void picture_memory_copy(struct picture_memory *m, const struct picture_memory *from)
+{
+    memcpy(m->pixel, from->pixel, (size_t)m->width * (size_t)m->height * sizeof(*m->pixel));
+    m->started = from->started;
+    m->start_ns = from->start_ns;
+    m->last_ns = from->last_ns;
+}
+
 /* --- pixels seen now ---------------------------------------------------------------------------------------------- */
 
 static int colour_distance(const struct picture_pixel *p, const uint8_t rgb[3])

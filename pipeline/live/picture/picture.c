@@ -319,6 +319,15 @@ void sst_livepicture_decorate(struct sst_livepicture *p, enum sst_livepicture_ou
     p->tint = tint;
 }
 
+int sst_livepicture_remember(struct sst_livepicture *p, const struct sst_livepicture *from)
+{
+    const int err = from->clear ? reserve_clear(p) : 0;
+
+    if (!err && from->clear)
+        picture_clear_remember(p->clear, from->clear);
+    return err;
+}
+
 void sst_livepicture_clear(const struct sst_livepicture *p, struct sst_livepicture_clear *out)
 {
     if (p->is_clear) {

@@ -135,6 +135,8 @@ struct picture_merge {
 SST_MUST_CHECK int picture_memory_init(struct picture_memory *m, int width, int height); /* -ENOMEM */
 void picture_memory_fini(struct picture_memory *m);
 void picture_memory_forget(struct picture_memory *m);
+/** @param from  of the same size */
+void picture_memory_copy(struct picture_memory *m, const struct picture_memory *from);
 
 /** Update the memory by pixels that are seen, and fill the others from it. @return 0, -ENOMEM */
 SST_MUST_CHECK int picture_memory_merge(struct picture_memory *m, const struct picture_merge *in);
@@ -192,6 +194,8 @@ struct picture_clear; /* of one picture */
 
 SST_MUST_CHECK int picture_clear_create(struct picture_clear **out, struct sst_live *live); /* -ENOMEM, logged */
 void picture_clear_destroy(struct picture_clear *c);
+/** Take over the memory of another clear picture, for the next one that is rendered. */
+void picture_clear_remember(struct picture_clear *c, const struct picture_clear *from);
 
 struct picture_look {
     bool whole; /* the image shows something else */
