@@ -194,6 +194,21 @@ static int set_int(const struct cli_command *cmd, const struct cli_option *o, co
     return CLI_GO_ON;
 }
 
+bool cli_read_pair(const char *text, char between, int pair[2])
+{
+    for (int i = 0; i < 2; i++) {
+        const size_t digits = strspn(text, "0123456789");
+
+        if (!digits)
+            return false;
+        pair[i] = digits > 9 ? INT_MAX : atoi(text);
+        text += digits;
+        if (!i && *text++ != between)
+            return false;
+    }
+    return !*text;
+}
+
 static int set_value(const struct cli_command *cmd, const struct cli_option *o, const char *text)
 {
     char *end = NULL;

@@ -200,15 +200,13 @@ int cli_render_loaded(const struct render_loaded *loaded, struct render_args *a,
 /* Parse "X,Y"; default: the centre. */
 static int read_pixel(const struct cli_command *cmd, const char *text, const struct sst_lightfield *lf, int pixel[2])
 {
-    char rest;
-
     pixel[0] = lf->width / 2;
     pixel[1] = lf->height / 2;
-    if (text && sscanf(text, "%d,%d%c", &pixel[0], &pixel[1], &rest) != 2)
+    if (text && !cli_read_pair(text, ',', pixel))
         return cli_usage_error(cmd, "--explain-pixel %s is not X,Y, for example 500,375", text);
-    if (pixel[0] < 0 || pixel[1] < 0 || pixel[0] >= lf->width || pixel[1] >= lf->height)
-        return cli_usage_error(cmd, "--explain-pixel %d,%d is outside the picture of %d x %d", pixel[0], pixel[1],
-                               lf->width, lf->height);
+    if (pixel[0] >= lf->width || pixel[1] >= lf->height)
+        return cli_usage_error(cmd, "--explain-pixel %s is outside the picture of %d x %d", text, lf->width,
+                               lf->height);
     return CLI_GO_ON;
 }
 

@@ -170,20 +170,19 @@ static int find_label(struct render_input *in, const char *option, const char *n
 /* Find the object of --remove-at in all views. */
 static int find_object(struct render_input *in, const struct render_args *a, const struct cli_command *cmd)
 {
-    int x, y, err;
-    char rest;
+    int at[2], err;
 
-    if (sscanf(a->remove_at, "%d,%d%c", &x, &y, &rest) != 2)
+    if (!cli_read_pair(a->remove_at, ',', at))
         return cli_usage_error(cmd, "--remove-at %s is not X,Y, for example 500,375", a->remove_at);
-    if (x < 0 || y < 0 || x >= in->lf.width || y >= in->lf.height)
-        return cli_usage_error(cmd, "--remove-at %d,%d is outside the picture of %d x %d", x, y, in->lf.width,
+    if (at[0] >= in->lf.width || at[1] >= in->lf.height)
+        return cli_usage_error(cmd, "--remove-at %s is outside the picture of %d x %d", a->remove_at, in->lf.width,
                                in->lf.height);
     in->removed = calloc((size_t)(in->lf.rows * in->lf.cols), sizeof(*in->removed));
     if (!in->removed) {
-        sst_log_error("no memory for the object at %d,%d", x, y);
+        sst_log_error("no memory for the object at %d,%d", at[0], at[1]);
         return cli_exit_code(-ENOMEM);
     }
-    err = sst_render_grow_object(in->removed, &in->lf, x, y, sst_thread_count(a->cfg.threads));
+    err = sst_render_grow_object(in->removed, &in->lf, at[0], at[1], sst_thread_count(a->cfg.threads));
     return err ? cli_exit_code(err) : CLI_GO_ON;
 }
 

@@ -67,7 +67,7 @@ static int read_rank(const struct cli_command *cmd, struct cli_shard *s)
 
 int cli_shard_read(const struct cli_command *cmd, struct cli_shard *s)
 {
-    char rest;
+    int part[2];
 
     if (!s->text) {
         if (s->retry)
@@ -76,9 +76,10 @@ int cli_shard_read(const struct cli_command *cmd, struct cli_shard *s)
     }
     if (!strcmp(s->text, "auto"))
         return read_rank(cmd, s);
-    if (sscanf(s->text, "%d/%d%c", &s->index, &s->count, &rest) != 2 || s->index < 1 || s->index > s->count)
+    if (!cli_read_pair(s->text, '/', part) || part[0] < 1 || part[0] > part[1])
         return cli_usage_error(cmd, "--shard %s is neither I/N, with I from 1 to N, nor auto", s->text);
-    s->index--;
+    s->index = part[0] - 1;
+    s->count = part[1];
     return CLI_GO_ON;
 }
 

@@ -98,6 +98,7 @@ want 2 "removes everything" render lf --method clear --cut 0 -o bad.png
 want 2 "outside the views" render lf --method clear --view-x 4 -o bad.png
 want 2 "X,Y" render lf --method clear --remove-at 5 -o bad.png
 want 2 "outside the picture" render lf --method clear --remove-at 200,5 -o bad.png
+want 2 "4294967306,5 is outside the picture" render lf --method clear --remove-at 4294967306,5 -o bad.png
 want 2 "does not occur" render lf --method clear --remove-label Dog -o bad.png
 want 2 ".png" render lf --method clear --valid seen.jpg -o bad.png
 want 2 "no effect" sweep lf --over cut --from 1 --to 2 -o bad

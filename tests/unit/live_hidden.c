@@ -23,6 +23,7 @@ struct watch {
     struct sst_hidden_input in;
     struct sst_hidden_thing thing[SST_HIDDEN_THINGS];
     int things, t_s;
+    bool still; /* no leaf moves */
 };
 
 static void open_watch(struct watch *w, const struct sst_hedge_config *hedge)
@@ -57,7 +58,7 @@ static double step(struct watch *w, const struct sst_hedge_person *person)
 {
     double visible = 0;
 
-    sst_hedge_draw(w->hedge, w->t_s, person, w->image, &visible);
+    sst_hedge_draw(w->hedge, w->still ? 0 : w->t_s, person, w->image, &visible);
     w->in.t_ns = (INT64_C(1) + w->t_s++) * 1000000000;
     assert_int_equal(sst_hidden_update(w->hidden, &w->in), 0);
     w->things = sst_hidden_things(w->hidden, w->thing);
@@ -146,6 +147,25 @@ static void who_walks_and_stands_is_found_and_leaves_are_not(void **state)
         there += reported(&w) != NULL;
     }
     assert_in_range(there, 15, 25);
+    close_watch(&w);
+}
+
+/* Leaves that stood still for minutes, and begin to move, are nobody. */
+static void wind_after_a_calm_is_nobody(void **state SST_UNUSED)
+{
+    static const uint8_t none[WIDTH * HEIGHT], all[WIDTH * HEIGHT] = { [0 ... WIDTH * HEIGHT - 1] = 1 };
+    const struct sst_hedge_config c = make_hedge(0.65, 1, 3);
+    struct watch w;
+
+    open_watch(&w, &c);
+    w.still = true;
+    wait_sets(&w, 1);
+    for (int moves = 0; moves < 2; moves++) {
+        w.still = !moves;
+        for (int k = 0; k < VIEWS; k++)
+            w.in.changed[k] = moves ? all : none;
+        wait_sets(&w, 150);
+    }
     close_watch(&w);
 }
 
@@ -289,6 +309,7 @@ int main(void)
         serial_test(who_passes_is_one_thing),
         serial_test(who_stands_behind_dense_leaves_is_found),
         serial_test(noise_and_dark_are_no_matter),
+        cmocka_unit_test(wind_after_a_calm_is_nobody),
         cmocka_unit_test(sizes_are_checked),
         thread_test(threads_do_not_matter),
     };

@@ -13,6 +13,11 @@
 #define KEEP_NS INT64_C(120000000000) /* dwell from which an object becomes background */
 /* Sets that follow sooner are searched together with later ones: evidence is a matter of time, not of sets. */
 #define SEARCH_NS INT64_C(150000000)
+/* Wind: this fraction of all tiles changes in some searches in succession. After so long a calm the model has no
+ * colours of leaves that swing, and the background level none of their excess. */
+#define WIND_SHARE    0.5
+#define WIND_SEARCHES 3
+#define CALM_NS       KEEP_NS
 
 struct sst_hidden {
     struct sst_hidden_config cfg;                       /* fixed after open, except for the accepted alarms */
@@ -25,7 +30,10 @@ struct sst_hidden {
     /* since the last search */
     uint8_t *changed[SST_MAX_VIEWS]; /* [tiles] */
     int64_t searched_ns;
-    bool searched; /* once */
+    bool searched;   /* once */
+    int windy;       /* searches in succession with wind, up to WIND_SEARCHES */
+    bool blew;       /* wind_ns is valid */
+    int64_t wind_ns; /* of the last wind */
     /* of this set */
     const struct sst_hidden_input *in;
     struct sst_rect keep[SST_HIDDEN_THINGS]; /* blocks */
@@ -170,6 +178,31 @@ static void forget_changes(struct sst_hidden *h)
     }
 }
 
+/* Wind after a calm is learnt as the scene is at the start: nothing is reported for QUIET_S. */
+static void follow_wind(struct sst_hidden *h)
+{
+    size_t changed = 0, all = 0;
+
+    for (int k = 0; k < h->cfg.views; k++) {
+        const size_t tiles = h->model[k] ? (size_t)h->model[k]->tiles_x * (size_t)h->model[k]->tiles_y : 0;
+
+        for (size_t i = 0; i < tiles && h->in->image[k] && h->in->changed[k]; i++) /* else it is not known */
+            changed += h->changed[k][i] != 0;
+        all += h->in->image[k] ? tiles : 0;
+    }
+    h->windy = (double)changed > WIND_SHARE * (double)all ? sst_min_int(h->windy + 1, WIND_SEARCHES) : 0;
+    if (h->windy < WIND_SEARCHES)
+        return;
+    if (!h->blew || h->in->t_ns - h->wind_ns > CALM_NS) {
+        for (int k = 0; k < h->cfg.views; k++)
+            if (h->model[k])
+                h->model[k]->filled = false;
+        hidden_usual_reset(&h->usual);
+    }
+    h->blew = true;
+    h->wind_ns = h->in->t_ns;
+}
+
 int sst_hidden_update(struct sst_hidden *h, const struct sst_hidden_input *in)
 {
     const struct hidden_model *model[SST_MAX_VIEWS] = { NULL };
@@ -187,6 +220,7 @@ int sst_hidden_update(struct sst_hidden *h, const struct sst_hidden_input *in)
     h->searched_ns = in->t_ns;
     h->in = in;
     find_kept(h);
+    follow_wind(h);
     err = sst_parallel_for(h->cfg.views, h->cfg.threads, update_model, h);
     forget_changes(h);
     for (int k = 0; k < h->cfg.views; k++)
