@@ -70,17 +70,23 @@ static bool is_in_feet(int epsg)
     return false;
 }
 
+struct keys {
+    bool points;   /* samples are at places, not of areas */
+    bool vertical; /* the scale and the tie point have heights too */
+};
+
 /* Keys of GeoTIFF that change the meaning of a place: of areas or points, in degrees, in feet, on which map. */
-static int read_keys(bool *points, int *epsg, const struct tiff_file *f)
+static int read_keys(struct keys *k, int *epsg, const struct tiff_file *f)
 {
     const void *values;
     const uint32_t n = get_numbers(&values, f, TAG_GEO_KEYS, TIFF_SHORT);
     const uint16_t *key = values;
 
-    *points = false;
+    *k = (struct keys){ 0 };
     for (uint32_t i = 4; i + 4 <= n; i += 4) {
         if (key[i] == KEY_RASTER)
-            *points = key[i + 3] == RASTER_POINTS;
+            k->points = key[i + 3] == RASTER_POINTS;
+        k->vertical |= key[i] == KEY_HEIGHTS && key[i + 3];
         if (key[i] == KEY_PROJECTED)
             *epsg = key[i + 3];
         if (key[i] == KEY_MODEL && key[i + 3] != MODEL_PROJECTED)
@@ -97,20 +103,24 @@ static int read_keys(bool *points, int *epsg, const struct tiff_file *f)
     return 0;
 }
 
-/* Place by a scale and one tie point. */
+/* Place by a scale and one tie point; the factor and the offset of heights, which GDAL writes there where the file has a
+ * vertical reference. */
 static int read_place(struct tiff_geo *geo, const struct tiff_file *f)
 {
     const void *values;
     const double *scale = NULL, *tie = NULL;
-    bool points;
-    int err = read_keys(&points, &geo->epsg, f);
+    uint32_t scales;
+    struct keys k;
+    int err = read_keys(&k, &geo->epsg, f);
 
+    geo->scale = 1;
     if (err)
         return err;
     if (get_numbers(&values, f, TAG_TRANSFORMATION, TIFF_DOUBLE))
         return tiff_refuse(f, "placed by a transformation, which may turn it",
                            "write it north up, as gdalwarp IN OUT does");
-    if (get_numbers(&values, f, TAG_PIXEL_SCALE, TIFF_DOUBLE) >= 2)
+    scales = get_numbers(&values, f, TAG_PIXEL_SCALE, TIFF_DOUBLE);
+    if (scales >= 2)
         scale = values;
     if (get_numbers(&values, f, TAG_TIEPOINT, TIFF_DOUBLE) >= 6)
         tie = values;
@@ -119,8 +129,12 @@ static int read_place(struct tiff_geo *geo, const struct tiff_file *f)
     geo->placed = true;
     geo->dx = scale[0];
     geo->dy = -scale[1];
-    geo->x = tie[3] + ((points ? 0 : 0.5) - tie[0]) * geo->dx;
-    geo->y = tie[4] + ((points ? 0 : 0.5) - tie[1]) * geo->dy;
+    if (k.vertical && scales >= 3 && scale[2] != 0) {
+        geo->scale = scale[2];
+        geo->offset = tie[5] - tie[2] * scale[2];
+    }
+    geo->x = tie[3] + ((k.points ? 0 : 0.5) - tie[0]) * geo->dx;
+    geo->y = tie[4] + ((k.points ? 0 : 0.5) - tie[1]) * geo->dy;
     return 0;
 }
 
@@ -135,11 +149,11 @@ static int read_gdal(struct tiff_geo *geo, const struct tiff_file *f)
         geo->nodata = strtod(number, &end);
         geo->has_nodata = end != number;
     }
-    geo->scale = 1;
     n = get_numbers(&text, f, TAG_GDAL_METADATA, TIFF_ASCII);
-    if (n && memchr(text, '\0', n) &&
-        (item_number(&geo->scale, text, "role=\"scale\"") || item_number(&geo->offset, text, "role=\"offset\"")))
-        return tiff_refuse(f, "whose metadata have a scale or an offset that is no number",
+    if ((n && memchr(text, '\0', n) &&
+         (item_number(&geo->scale, text, "role=\"scale\"") || item_number(&geo->offset, text, "role=\"offset\""))) ||
+        !isfinite(geo->scale) || geo->scale == 0 || !isfinite(geo->offset))
+        return tiff_refuse(f, "whose heights have a scale of 0, or a scale or an offset that is no number",
                            "write it without, as gdal_translate -unscale -ot Float32 IN OUT does");
     return 0;
 }

@@ -45,8 +45,9 @@ write big $map -ot Float32 -co BIGTIFF=YES
 write order $map -ot Int16 -co ENDIANNESS=BIG
 write scaled $map -ot Int16 -scale 396 404 9600 10400 -a_scale 0.01 -a_offset 300 -a_nodata -9999
 write heights -a_srs EPSG:25833+7837 -ot Float32
+write scaled_heights -a_srs EPSG:25833+7837 -ot Int16 -scale 396 404 9600 10400 -a_scale 0.01 -a_offset 300 -a_nodata -9999
 gdalwarp -q -t_srs EPSG:32733 plain.tif south.tif >out 2>err || fail "gdalwarp: $(cat err)"
-for name in float3 float2 short2 points big order scaled heights south; do
+for name in float3 float2 short2 points big order scaled heights scaled_heights south; do
   render $name || fail "$name: $(cat err)"
   cmp -s plain.png $name.png || fail "$name: another picture than that of plain floats"
 done
@@ -63,6 +64,8 @@ bad() {
 }
 write double $map -ot Float64
 bad double "gdal_translate -b 1 -ot Float32"
+write flat $map -ot Float32 -a_scale 0
+bad flat "a scale of 0"
 write feet -a_srs EPSG:32633+6360 -ot Float32
 bad feet "heights are in another unit than metres"
 gdalwarp -q -t_srs EPSG:4326 plain.tif degrees.tif >out 2>err || fail "gdalwarp: $(cat err)"
