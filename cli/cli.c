@@ -10,6 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "base/clock.h"
@@ -192,6 +193,13 @@ static int set_int(const struct cli_command *cmd, const struct cli_option *o, co
         return cli_usage_error(cmd, "--%s %s is outside %.0f..%.0f", o->name, text, min, max);
     *(int *)o->value = (int)v;
     return CLI_GO_ON;
+}
+
+bool cli_is_one_file(const char *a, const char *b)
+{
+    struct stat x, y;
+
+    return !stat(a, &x) && !stat(b, &y) && x.st_dev == y.st_dev && x.st_ino == y.st_ino;
 }
 
 bool cli_read_pair(const char *text, char between, int pair[2])

@@ -110,6 +110,8 @@ int cli_parse(const struct cli_command *cmd, const struct cli_option *options, s
 
 /** Log a usage error with the command's name: "sst: error: render: ..." */
 int cli_usage_error(const struct cli_command *cmd, const char *fmt, ...) SST_PRINTF(2, 3);
+/** Are two paths one file or folder, which exists? */
+bool cli_is_one_file(const char *a, const char *b);
 /** Two whole numbers of 0 or more in decimal digits, such as "500,375"; above 999999999: INT_MAX. @return the text is a pair */
 bool cli_read_pair(const char *text, char between, int pair[2]);
 

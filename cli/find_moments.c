@@ -107,6 +107,24 @@ static const char *difference(const struct sst_posed *own, const struct sst_pose
                                                     : NULL;
 }
 
+static bool is_twice(const char *const *path, int i)
+{
+    for (int k = 0; k < i; k++) {
+        if (cli_is_one_file(path[k], path[i]))
+            return true;
+    }
+    return false;
+}
+
+static bool has_moments(const struct sst_posed *posed)
+{
+    for (int k = 1; k < posed->count; k++) {
+        if (posed->view[k].moment != posed->view[0].moment)
+            return true;
+    }
+    return false;
+}
+
 /* Loads the light fields, before anything is computed. */
 static int load(struct find_moments *m, const char *const *path)
 {
@@ -119,9 +137,14 @@ static int load(struct find_moments *m, const char *const *path)
             return err;
         m->path[m->count] = path[m->count];
         m->time_s[m->count] = (double)NAN;
-        if (difference(own, first)) {
+        if (is_twice(path, m->count)) {
+            sst_log_error("%s is named twice; name each moment once", path[m->count]);
+        } else if (difference(own, first)) {
             sst_log_error("%s and %s are no moments of one world, they differ in %s", path[0], path[m->count],
                           difference(own, first));
+        } else if (path[1] && has_moments(own)) {
+            sst_log_error("%s has several moments itself; search it alone, or name light fields of one moment each",
+                          path[m->count]);
         } else if (own->geographic && (fabs(own->latitude - first->latitude) > ORIGIN_MOST ||
                                        fabs(own->longitude - first->longitude) > ORIGIN_MOST ||
                                        fabs(own->altitude_m - first->altitude_m) > 1e-3)) {

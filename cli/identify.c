@@ -6,7 +6,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 
 #include "base/clock.h"
 #include "base/file.h"
@@ -488,13 +487,6 @@ static int choose(struct session *s, const struct sst_array_config *cfg, const c
     return err ? err : -ENODATA;
 }
 
-static bool is_one_file(const char *a, const char *b)
-{
-    struct stat x, y;
-
-    return !stat(a, &x) && !stat(b, &y) && x.st_dev == y.st_dev && x.st_ino == y.st_ino;
-}
-
 /* Masks for the cameras in the order of the shots. A picture without a place in the array is black as a whole. */
 static int open_masks(struct session *s, const struct sst_array_config *cfg)
 {
@@ -539,7 +531,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
 
     if (r != CLI_GO_ON)
         return r;
-    if (write && config && is_one_file(write, config))
+    if (write && config && cli_is_one_file(write, config))
         return cli_usage_error(cmd,
                                "--write would replace the configuration with the bindings alone; name another file");
     err = sst_array_config_read(&cfg, config);

@@ -230,7 +230,7 @@ static int check(const struct cli_command *cmd, const struct poses_run *run, con
 {
     for (int i = 0; i < run->count; i++) {
         for (int k = 0; k < i; k++) {
-            if (!strcmp(run->dir[i], run->dir[k]))
+            if (cli_is_one_file(run->dir[i], run->dir[k]))
                 return cli_usage_error(cmd, "%s is named twice", run->dir[i]);
         }
     }

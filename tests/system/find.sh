@@ -67,6 +67,8 @@ refused 3 "channels: one is grey" walk flight --surface plane:35
 # Light fields that do not go together are refused before the ground is sought, which these would fail.
 "$sst" scene flight -o small --size 64x48 --grid 1x2 -q >out 2>err || fail "scene: $(cat err)"
 refused 3 "no moments of one world" small walk
+refused 3 "walk has several moments itself" walk small
+refused 3 "small is named twice" small ./small
 refused 2 "not below" flight --least 3 --most 1
 refused 2 "neither ground" flight --surface hill
 refused 2 "is neither nadir nor a view" flight --view gone --surface plane:35
