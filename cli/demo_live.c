@@ -344,6 +344,7 @@ static int64_t folder_bytes(const char *path)
 
 static void print_address(const struct site *s, double seconds)
 {
+    const char *between = " ";
     char token[128], cache[SST_PATH_MAX];
 
     printf("%s: seen through after %.0f s\n  page           http://127.0.0.1:%d/?token=%s\n  picture        %s\n"
@@ -354,9 +355,12 @@ static void print_address(const struct site *s, double seconds)
         printf("  prepared       %s, %.0f MB for all scenes seen so far; may be deleted\n", cache,
                (double)folder_bytes(cache) / 1e6);
     printf("Other scenes: sst demo --scene");
-    for (const char *const *other = sst_scene_names(); *other; other++)
-        if (strcmp(*other, s->scene))
-            printf("%s%s", other == sst_scene_names() ? " " : "|", *other);
+    for (const char *const *other = sst_scene_names(); *other; other++) {
+        if (!strcmp(*other, s->scene))
+            continue;
+        printf("%s%s", between, *other);
+        between = "|";
+    }
     printf("%s\n", strcmp(s->scene, SCENE_HEDGE) ? "|" SCENE_HEDGE : "");
     fflush(stdout);
 }

@@ -198,7 +198,7 @@ static int read_terrain(struct posed_scene *scene, const char *path, const char 
     if (err)
         return cli_exit_code(err);
     if (scene->heights.mm.width < 2 || scene->heights.mm.height < 2) {
-        sst_log_error("%s has %d x %d heights; terrain is between 2 x 2 at least", path, scene->heights.mm.width,
+        sst_log_error("%s has %d x %d heights; terrain is the surface between heights, so it needs 2 x 2 at least", path, scene->heights.mm.width,
                       scene->heights.mm.height);
         return CLI_INPUT;
     }

@@ -107,7 +107,11 @@ static void on_progress(j_common_ptr c)
 
 static int damaged(const struct reader *r)
 {
-    sst_log_error("%s is a damaged or truncated JPEG image (%s); write it again", r->file.name, r->message);
+    if (!strncmp(r->message, "Unsupported", 11))
+        sst_log_error("%s is a JPEG image of a kind that is not read (%s); write it as one of 8 bits, baseline or progressive",
+                      r->file.name, r->message);
+    else
+        sst_log_error("%s is a damaged or truncated JPEG image (%s); write it again", r->file.name, r->message);
     return -EBADMSG;
 }
 

@@ -303,6 +303,27 @@ static void bytes_that_make_no_sample_are_no_damage(void **state SST_UNUSED)
     free(jpeg);
 }
 
+/* A hierarchical file is not damaged. */
+static void kinds_that_are_not_read_are_named(void **state SST_UNUSED)
+{
+    char said[SST_LOG_MAX] = "", *before;
+    struct sst_image a = make_image(40, 30), got;
+    uint8_t *jpeg, *at;
+    size_t size;
+
+    assert_int_equal(sst_image_write_jpeg(&a, test_path("kind.jpg"), 90), 0);
+    assert_int_equal(sst_file_read(test_path("kind.jpg"), 1 << 20, &jpeg, &size), 0);
+    at = memmem(jpeg, size, "\xFF\xC0", 2);
+    assert_non_null(at);
+    at[1] = 0xC5;
+    before = sst_log_hold_errors(said);
+    assert_int_equal(sst_image_decode(&got, jpeg, size, "kind.jpg"), -EBADMSG);
+    sst_log_hold_errors(before);
+    assert_non_null(strstr(said, "of a kind that is not read (Unsupported"));
+    sst_image_fini(&a);
+    free(jpeg);
+}
+
 /* Ink with two samples of each row in one, which is no subsampling that TurboJPEG knows. */
 static void cmyk_is_read(void **state SST_UNUSED)
 {
@@ -418,6 +439,7 @@ int main(void)
         cmocka_unit_test(orientations_are_those_of_exif),
         cmocka_unit_test(jpegs_may_lack_their_end_marker),
         cmocka_unit_test(cut_and_damaged_files_are_refused),
+        cmocka_unit_test(kinds_that_are_not_read_are_named),
         cmocka_unit_test(bytes_that_make_no_sample_are_no_damage),
         cmocka_unit_test(cmyk_is_read),
         cmocka_unit_test(files_of_others_decode_or_are_refused),
