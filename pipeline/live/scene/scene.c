@@ -3,6 +3,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/live/scene/scene.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -248,7 +249,7 @@ static bool may_wait(const struct sst_livescene *s, int64_t tiles)
 {
     int64_t all = 0;
 
-    if (!s->cfg->skip_change || !s->ready || !s->ranged || s->whole_next || !(s->confirmed < LATE_CONFIRMED) ||
+    if (!s->cfg->skip_change || !s->ready || !s->ranged || s->whole_next || !isless(s->confirmed, LATE_CONFIRMED) ||
         s->t_ns - s->maps_t_ns >= LATE_NS || s->t_ns <= s->maps_t_ns)
         return false;
     for (int k = 0; k < s->keys; k++)
