@@ -269,6 +269,18 @@ void engine_forget_shown(struct live_engine *v);
 /** The array was opened. @return it still has other masks than the configuration */
 bool engine_masks_follow(struct live_engine *v);
 /** Serve engine_pick() and engine_remove().  Live thread. */
+/** The view of an id; NULL: there is none. Locked. */
+struct view *engine_view_find_locked(struct live_engine *v, const char *id);
+/** @return 0 if the client may change the view, else -EPERM with one sentence */
+int engine_view_check_client(const struct view *e, const char *client, char error[512]);
+/** Is the picture of main also this view's? */
+bool engine_view_shows_main(struct live_engine *v, const struct view *e, const struct view_settings *settings);
+/** Render a view's picture if the shown one is out of date; asked: also without clients. @return a picture was made */
+bool engine_view_publish(struct live_engine *v, struct view *e, bool asked, int64_t ns[2]);
+/** Time until which a picture or an answer is waited for. */
+int64_t engine_end_of_wait(void);
+
+/* engine_requests.c: serve the request of another thread, if there is one */
 void engine_serve(struct live_engine *v);
 
 /* engine_preview.c */
