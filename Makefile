@@ -91,10 +91,11 @@ HARDEN := -fstack-protector-strong -fstack-clash-protection -fPIE \
           $(if $(SAN),,-D_FORTIFY_SOURCE=2)
 # A sanitized build is compiled three times as fast with -O1, and its reports need lines alone.
 OPT ?= $(if $(SAN),-O1 -g1,-O3 -g)
-# Programs and devices' drivers, which compute little, are compiled in half of that time with -O0;
-SLIGHT := capture/% cli/% config/% daemon/% drivers/% publishers/% simulators/devices/%
+# Programs, devices' drivers and tests, which compute little, are compiled in half of that time with -O0;
+SLIGHT := capture/% cli/% config/% daemon/% drivers/% publishers/% simulators/devices/% tests/unit/% tests/sim/%
 ifneq (,$(SAN))
 $(SLIGHT:%=$(BUILD)/obj/%.o): OPT = -O0 -g1
+$(BUILD)/obj/tests/unit/live_frames.o: OPT = -O1 -g1
 endif
 # ... kernels, references of shaders and drawn scenes, in which sanitized tests spend most of their time, with -O2, products of descriptors
 # with -O3.
@@ -108,6 +109,11 @@ DRAWING := $(filter-out %/layers.c %/write.c,$(wildcard simulators/scene/*.c sim
 DRAWN_OBJ := $(DRAWING:%.c=$(BUILD)/obj/drawn/%.o)
 DRAWN_LIB := $(BUILD)/libsst-drawn.a
 DRAWS := $(if $(findstring thread,$(SAN)),,$(shell sed -nE 's,^([a-z_/]+) +draws.*,$(BUILD)/tests/\1,p' tests/special.txt))
+endif
+# Levels of kernels that this processor has not are only compiled there.
+ifneq (,$(SAN))
+LACKED := $(if $(shell grep -sw avx512f /proc/cpuinfo | head -n 1),,avx512) $(if $(shell grep -swE 'avx_vnni|avx512f' /proc/cpuinfo | head -n 1),,avxvnni)
+$(LACKED:%=$(BUILD)/obj/pipeline/kernels/x86/%.o): OPT = -O0 -g1
 endif
 # KERNEL_OPT=FLAGS: of kernels alone.
 ifdef KERNEL_OPT
@@ -408,7 +414,7 @@ ADDRESS := build-address-undefined
 
 check: deps ## build with warnings as errors, once plain and once sanitized, and run every test
 	$(MAKE) WERROR=1 $(PARALLEL) built-check
-	@rc=0; echo "readers of files and messages, 20 s of mutations each:"; FUZZ_SECONDS=20 JOBS=15 $(RUN_TESTS) $(FUZZERS:%=$(ADDRESS)/tests/fuzz/%) || rc=1; \
+	@rc=0; echo "readers of files and messages, 10 s of mutations each:"; FUZZ_SECONDS=10 JOBS=15 $(RUN_TESTS) $(FUZZERS:%=$(ADDRESS)/tests/fuzz/%) || rc=1; \
 	  $(RUN_TESTS) $(TESTS:$(BUILD)/%=$(ADDRESS)/%) $(filter-out $(LEFT_TESTS),$(PLAIN_TESTS)) $(LEFT_TESTS:%=plain@%) $(LEVEL_TESTS) $(SYSTEM_TESTS) || rc=1; \
 	  [ $$rc -eq 0 ] || echo "make check: failed (what failed is above)"; exit $$rc
 

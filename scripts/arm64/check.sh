@@ -22,7 +22,7 @@ run() {
   local cpu=$1
   shift
   echo "arm64, qemu-aarch64 -cpu $cpu:"
-  SST_RUNNER="qemu-aarch64 -cpu $cpu -L $PWD/build-arm64/sysroot" scripts/run_tests.sh "$@" || rc=1
+  SST_TEST_SMALL=1 SST_RUNNER="qemu-aarch64 -cpu $cpu -L $PWD/build-arm64/sysroot" scripts/run_tests.sh "$@" || rc=1
 }
 # The emulator signs pointers with a hash of its own: the architecture's hash takes three quarters of the time.
 run max,pauth-impdef=on build-arm64/tests/kernels/*

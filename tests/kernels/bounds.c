@@ -19,6 +19,7 @@
 #include "tests/reference/disparity.h"
 #include "tests/reference/labels.h"
 #include "tests/reference/render.h"
+#include "tests/small.h"
 
 #define N 129
 
@@ -27,6 +28,12 @@ static uint64_t seed = 20261125;
 static unsigned below(unsigned n)
 {
     return (unsigned)(sst_random_u64(&seed) % n);
+}
+
+/* Inputs of a bound: fewer under a sanitizer and in an emulator. */
+static int rounds(int n)
+{
+    return small_level() ? n / 8 : n;
 }
 
 static float real(double lo, double hi)
@@ -161,7 +168,7 @@ static void entropy_of_distributions(void **state SST_UNUSED)
     float p[64], h;
     uint8_t top;
 
-    for (int i = 0; i < 20000; i++) {
+    for (int i = 0; i < rounds(20000); i++) {
         const size_t count = 1 + below(64);
         wide want;
 
@@ -181,7 +188,7 @@ static void guided_cells(void **state SST_UNUSED)
     uint8_t pixel[3];
     struct sst_guide g = { .across = across, .pixel = { &pixel[0], &pixel[1], &pixel[2] }, .cells = 16, .values = 8 };
 
-    for (int i = 0; i < 5000; i++) {
+    for (int i = 0; i < rounds(5000); i++) {
         for (int k = 0; k < 16; k++) {
             across[k] = real(0.01, 1);
             g.down[k] = real(0.01, 1);
@@ -250,7 +257,7 @@ static void bilateral_means(void **state SST_UNUSED)
     uint8_t luma[7][7];
     int16_t weight[49];
 
-    for (int i = 0; i < 20000; i++) {
+    for (int i = 0; i < rounds(20000); i++) {
         const uint16_t *rows[7];
         const uint8_t *lumas[7];
         const unsigned middle = i % 3 ? 96 + below(65000) : below(2) ? 0 : 65535 - SST_BILATERAL_STEP_Q6 - 200;
@@ -276,7 +283,7 @@ static void parabolas(void **state SST_UNUSED)
 {
     struct bound b = { "sst_parabola_q6", "whole numbers", "1/64 px", "rounded once: 1/2", 0.5, 0, 0, "" };
 
-    for (int i = 0; i < 20000; i++) {
+    for (int i = 0; i < rounds(20000); i++) {
         const int at = i % 4 ? (int)below(60000) : 0, before = at + (int)below(i % 2 ? 3 : 5000),
                   after = at + (int)below(i % 2 ? 3 : 5000);
 
@@ -346,7 +353,7 @@ static void subpixel_windows(void **state SST_UNUSED)
     const struct sst_subpixel_window w = { colour + 12,          disp + 12, weight + 12, product + 12,
                                            { slope, slope + 1 }, 5,         10,          20.5F / 64 };
 
-    for (int i = 0; i < 20000; i++) {
+    for (int i = 0; i < rounds(20000); i++) {
         wide want = 0;
 
         slope[0] = (float)((int)below(9) - 4) / 64; /* exact, as are the disparities */
@@ -418,7 +425,7 @@ static void subpixel_planes(void **state SST_UNUSED)
                        "" };
     const struct sst_subpixel_planes p = { colour + MIDDLE, disp + MIDDLE, weight + MIDDLE, SIDE, 10, 0.5F };
 
-    for (int i = 0; i < 5000; i++) {
+    for (int i = 0; i < rounds(5000); i++) {
         float at[1], slope[2] = { 0, 0 };
         wide want[3];
 
@@ -451,7 +458,7 @@ static void rays_of_a_view(void **state SST_UNUSED)
     struct bound t = { "blend_take", "float", "levels", "1/2 and 1/32", 0.5 + 1.0 / 32, 0, 0, "" };
     const float power[SST_EXP2_POWERS] = SST_EXP2_POWER;
 
-    for (int i = 0; i < 30000; i++) {
+    for (int i = 0; i < rounds(30000); i++) {
         const uint8_t top[2] = { (uint8_t)below(256), (uint8_t)below(256) };
         const uint8_t bottom[2] = { (uint8_t)below(256), (uint8_t)below(256) };
         const double fx = sst_random(&seed), fy = below(3) ? sst_random(&seed) : 0;
@@ -501,7 +508,7 @@ static void quotients(void **state SST_UNUSED)
     struct bound b = { "blend_finish",       "float", "levels", "1/2 and three roundings of 255",
                        0.5 + 255 * 4 * 6e-8, 0,       0,        "" };
 
-    for (int i = 0; i < 30000; i++) {
+    for (int i = 0; i < rounds(30000); i++) {
         const float weight = exp2f(real(-90, 9)), level = below(4) ? real(0, 255) : (float)(255 * below(2));
         const float sum = weight * level * SST_BLEND_LEVEL;
         uint8_t out;
@@ -520,7 +527,7 @@ static void landings(void **state SST_UNUSED)
 {
     struct bound b = { "clear_land", "float", "px", "q x + x0, two roundings of up to 2^12 px", 1.0 / 1024, 0, 0, "" };
 
-    for (int i = 0; i < 50000; i++) {
+    for (int i = 0; i < rounds(50000); i++) {
         const uint16_t q = (uint16_t)below(65535);
         const double bx = sst_random_in(&seed, -6, 6), min = sst_random_in(&seed, -30, 100);
         const float x_q6 = (float)(bx / 64), x_0 = (float)(min * bx + 0.5);
@@ -618,7 +625,7 @@ static void blended_colours(void **state SST_UNUSED)
     };
     struct sst_clear_colours out;
 
-    for (int i = 0; i < 1000; i++) {
+    for (int i = 0; i < rounds(1000); i++) {
         const float spread = exp2f(real(-2, 8));
 
         for (int k = 0; k < 16; k++) {
@@ -651,7 +658,7 @@ static void votes(void **state SST_UNUSED)
                        1 + 1e-4,      0,       0,       "" };
     const uint8_t black = 0;
 
-    for (int i = 0; i < 50000; i++) {
+    for (int i = 0; i < rounds(50000); i++) {
         const struct sst_voting v = { rarity, real(0, 2), real(0, 3), real(1, 255) };
         const float weight = below(9) ? real(0, 1) : 0;
         wide want;
@@ -670,7 +677,7 @@ static void places(void **state SST_UNUSED)
 {
     struct bound b = { "place_row", "float", "1/256 px", "1/2, and 3 roundings below 2^18", 0.5 + 0.1, 0, 0, "" };
 
-    for (int i = 0; i < 50000; i++) {
+    for (int i = 0; i < rounds(50000); i++) {
         struct sst_places p = { { 1 << 18, 1 << 18 }, { { 0 } }, { INT32_MAX, INT32_MAX } };
         const float k = (float)below(256);
         wide want;
@@ -705,7 +712,7 @@ static void resampled(void **state SST_UNUSED)
                              (int16_t)(right + lobe / 2), (int16_t)-lobe, (int16_t)(lobe / 2) }),
                sizeof(weight[p]));
     }
-    for (int i = 0; i < 30000; i++) {
+    for (int i = 0; i < rounds(30000); i++) {
         const int32_t at[2] = { (2 << 8) + (int32_t)below(256), (2 << 8) + (int32_t)below(256) };
         const struct sst_resample from = { pixel[0], 32, weight[0], 6 };
         wide want = 0;
@@ -735,7 +742,7 @@ static void posed_levels(void **state SST_UNUSED)
                        0,
                        "" };
 
-    for (int i = 0; i < 30000; i++) {
+    for (int i = 0; i < rounds(30000); i++) {
         const uint16_t level[4] = { (uint16_t)below(65536), (uint16_t)below(65536), (uint16_t)below(65536),
                                     (uint16_t)(i % 2 ? below(65536) : 65535 * below(2)) };
         const struct sst_warped_source from = { { level }, 2, 2, 2, 1 };
@@ -765,7 +772,7 @@ static void light(void **state SST_UNUSED)
 {
     struct bound b = { "light_row", "float", "levels", "1/2 and 0.02, factors of 1/8 to 8", 0.52, 0, 0, "" };
 
-    for (int i = 0; i < 100000; i++) {
+    for (int i = 0; i < rounds(100000); i++) {
         const uint16_t value = (uint16_t)below(SST_LIGHT_WHITE + 1);
         const double f = exp2(sst_random_in(&seed, -3, 3)), v = value / 128.0;
         const float falloff = (float)f, root = (float)pow(f, 1 / 2.4);

@@ -54,7 +54,7 @@ YAML
   daemon=$(cat pid)
   until_is 60 live.ready 'v'
 }
-quick_world() { begin "$root/simulators/scene/world/worlds/quick.yaml" 6 160 128 10 "$@"; }
+quick_world() { begin "$root/simulators/scene/world/worlds/quick.yaml" 6 160 128 3 "$@"; }
 watch() { timeout 300 curl -s -m 300 --unix-socket c.sock http://x/stream >/dev/null & viewer=$!; }
 end() {
   [ -z "$viewer" ] || kill "$viewer"

@@ -402,6 +402,7 @@ static void threads_find_the_same(void **state SST_UNUSED)
 {
     for (size_t k = 0; k < ARRAY_LEN(kinds); k++) {
         struct looks l = { 0 };
+        const size_t n = small_level() >= 2 ? 2 : ARRAY_LEN(l.found);
         struct board_scene s;
         struct sst_image img;
 
@@ -409,13 +410,13 @@ static void threads_find_the_same(void **state SST_UNUSED)
         assert_int_equal(board_scene_draw(&img, &s, kinds[k].dot_mm), 0);
         l.board = &s.board;
         l.img = &img;
-        assert_int_equal(sst_parallel_for(ARRAY_LEN(l.found), 2, look, &l), 0);
-        for (size_t i = 1; i < ARRAY_LEN(l.found); i++) {
+        assert_int_equal(sst_parallel_for((int)n, 2, look, &l), 0);
+        for (size_t i = 1; i < n; i++) {
             assert_int_equal(l.found[i].corners, l.found[0].corners);
             assert_memory_equal(l.found[i].corner, l.found[0].corner,
                                 (size_t)l.found[0].corners * sizeof(*l.found[0].corner));
         }
-        for (size_t i = 0; i < ARRAY_LEN(l.found); i++)
+        for (size_t i = 0; i < n; i++)
             sst_detection_fini(&l.found[i]);
         sst_image_fini(&img);
     }

@@ -206,7 +206,7 @@ static void test_matches(void **state)
 
     (void)state;
     assert_int_equal(match_device_create(&device, "lavapipe", 0), 0);
-    match_init(&lf, 3, 3, 97, 60, 8);
+    match_init(&lf, 3, 3, 73, 44, 8);
     for (int i = 0; match_config(&cfg, i); i++) {
         cfg.runner = device;
         match_compare(&lf, &cfg, &report);

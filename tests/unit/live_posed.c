@@ -217,9 +217,9 @@ static void ground_is_found_and_kept(void **state SST_UNUSED)
     assert_int_equal(sst_live_refit(live), 0);
     feed(live, 3, 0, &report);
     assert_int_equal(sst_live_refit(live), 0); /* while the ground is fitted: it is fitted once more */
-    while (!sst_live_unsettled(live))
+    while (small_level() < 2 && !sst_live_unsettled(live))
         nanosleep(&(struct timespec){ .tv_nsec = 10000000 }, NULL);
-    assert_true(sst_live_settle(live));
+    assert_true(small_level() >= 2 || sst_live_settle(live));
     feed(live, 4, 0, &report);
     assert_true(sst_live_surface(live, &surface) && surface.fitting); /* closing ends it */
     sst_livepicture_destroy(p);
