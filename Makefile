@@ -95,7 +95,6 @@ OPT ?= $(if $(SAN),-O1 -g1,-O3 -g)
 SLIGHT := capture/% cli/% config/% daemon/% drivers/% publishers/% simulators/devices/% tests/unit/% tests/sim/%
 ifneq (,$(SAN))
 $(SLIGHT:%=$(BUILD)/obj/%.o): OPT = -O0 -g1
-$(BUILD)/obj/tests/unit/live_frames.o: OPT = -O1 -g1
 endif
 # ... kernels, references of shaders and drawn scenes, in which sanitized tests spend most of their time, with -O2, products of descriptors
 # with -O3.
