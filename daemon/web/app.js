@@ -369,6 +369,7 @@ function followScene(live) {
   app.focus.update(live);
   app.clear.update(live);
   app.stage.overlays.setLattice(!live?.surface);
+  if (live?.size) document.documentElement.style.setProperty("--shape", live.size.join(" / ")); // of pictures that are on their way
 }
 
 function take(body) {

@@ -130,6 +130,7 @@ class Service:
         self.start = time.time() - age_s
         self.role, self.views_max, self.refuse, self.hold, self.old = "control", 8, {}, False, False
         self.computing = self.stall = self.preview = self.hold_videos = self.pause = False
+        self.late_s = 0  # delay of visits' pictures
         self.patch, self.camera_patch = {}, {}
         self.tracks = []  # as of /api/v1/tracks
         self.views = {"main": dict(copy.deepcopy(SETTINGS), removed=set(), viewers=0, seen=math.inf)}
@@ -410,7 +411,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
             merge(s.patch, body.get("status", {}))
             for name, patch in body.get("cameras", {}).items():
                 s.camera_patch.setdefault(name, {}).update(patch)
-            for key in ("role", "views_max", "refuse", "hold", "old", "computing", "stall", "preview", "hold_videos", "tracks", "many", "masks", "pause"):
+            for key in ("role", "views_max", "refuse", "hold", "old", "computing", "stall", "preview", "hold_videos", "tracks", "many", "masks", "pause", "late_s"):
                 if key in body:
                     setattr(s, key, body[key])
             for e in body.get("events", []):
@@ -459,6 +460,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
         elif len(part) == 4 and part[2] == "download" and part[3].endswith((".mp4", ".zip")):
             self.answer(200, s.world.clip, "video/mp4")
         elif len(part) == 5 and part[2] == "visits" and part[4] in ("camera", "seen"):
+            time.sleep(s.late_s)
             self.answer(200, s.world.data["refocus_00" if part[4] == "camera" else "sst_05"], "image/jpeg")
         elif path == "/api/v1/tracks":
             self.answer(200, {"set": 1, "tracks": s.tracks})

@@ -50,9 +50,15 @@ def test_events(b, fake):
     link = "[...document.querySelectorAll('#events li')].find((n) => n.textContent.includes('Car came'))"
     b.wait(f"{link}?.querySelector('[data-drawn]') instanceof Node")
     check(b.js("[...document.querySelectorAll('#events li')].find((n) => n.textContent.includes('long ago')).querySelector('a, canvas') === null"), "a visit that is gone has a link")
+    fake.set(late_s=1)  # a busy machine
     b.js(f"{link}.querySelector('span a').click()")
     b.wait("document.getElementById('visit').open && document.getElementById('visit-title').textContent.includes('Car')")
-    b.js("document.getElementById('visit-close').click()")
+    places = lambda: [b.box(f"#visit-{name}") for name in ("close", "delete")]
+    before, early = places(), not b.js("document.getElementById('visit-image').complete")
+    b.wait("document.getElementById('visit-image').complete && document.getElementById('visit-image').naturalWidth > 0")
+    check(early and before == places(), f"buttons move below the pointer when the picture comes: {before}, {places()}")
+    fake.set(late_s=0)
+    b.click("#visit-close")
     b.wait("location.hash === ''")
     b.click("#tab-events")
     choose = lambda name, value: b.js(f"(() => {{ const s = document.getElementById('events-{name}'); s.value = '{value}'; s.dispatchEvent(new Event('change')); }})()")
