@@ -5,11 +5,12 @@
 
 import { get } from "/web/api.js";
 import { NAME, Shapes } from "/web/shapes.js";
-import { $, complain, el, finite, onUse, setText, swatch, toast } from "/web/ui.js";
+import { $, complain, el, finite, onUse, session, setText, swatch, toast } from "/web/ui.js";
 
 const MOST = 16;
 const AGAIN_MS = 5000; // lines that were copied may be in force by now
 const COLOUR = "#ff8f8f";
+const DRAWN = "sst-masks"; // in the tab's storage: all masks, while they are not those in force
 
 const cameraOf = ({ row, col }) => (finite(row) ? `r${row}c${col}` : "");
 
@@ -29,6 +30,7 @@ export class Masks extends Shapes {
     this.others = others;
     this.force = []; // masks of the configuration
     this.asked = false;
+    this.copied = ""; // lines
     this.opener = null;
     $("masks-close").addEventListener("click", () => this.toggle(false));
     $("masks-drawer").addEventListener("keydown", (event) => {
@@ -55,15 +57,32 @@ export class Masks extends Shapes {
     return lines(this.all) !== lines(this.force);
   }
 
-  /** Masks drawn here stay until they are in force. */
+  inForce(mask) {
+    return this.force.some((other) => line(other) === line(mask));
+  }
+
+  /** Masks drawn here stay until they are in force, also when the page is loaded again. */
   async load() {
     const { masks } = await get("/api/v1/masks");
-    const kept = this.asked && this.changed();
+    const kept = this.asked ? this.changed() && this.all : JSON.parse(session(DRAWN) || "null");
     this.asked = true;
     this.force = masks.map((mask) => ({ ...mask, far_px: mask.far_px || null, mask: true })); // 0: no end
-    if (!kept) this.all = structuredClone(this.force);
+    this.all = kept || structuredClone(this.force);
+    this.store();
     this.draw();
     if (!this.edited) this.showList();
+  }
+
+  store() {
+    session(DRAWN, this.changed() ? JSON.stringify(this.all) : "");
+  }
+
+  /** Drawn masks could be taken for ones in force. */
+  remind() {
+    const drawn = this.all.filter((mask) => !this.inForce(mask)).map(({ name }) => name);
+    if (!this.changed() || this.copied === lines(this.all)) return;
+    toast(`${drawn.length ? `Not in force: ${drawn.join(", ")}` : "Deleted masks are still in force"}. Copy the lines below Privacy masks into the configuration; this tab keeps them until then.`,
+      "info", null, "mask-copy");
   }
 
   /** @param camera  "": a place, in all cameras; undefined: as the picture is @param opener  gets the focus afterwards */
@@ -89,7 +108,10 @@ export class Masks extends Shapes {
       this.offerCameras().catch(complain);
       $("stage-box").scrollIntoView({ block: "nearest" });
       $("masks-close").focus({ preventScroll: true });
-    } else if (back) {
+    } else {
+      this.remind();
+    }
+    if (!open && back) {
       (this.opener?.checkVisibility() ? this.opener : $("zones")).focus({ preventScroll: true });
     }
     this.draw();
@@ -124,9 +146,10 @@ export class Masks extends Shapes {
     else this.draw();
   }
 
+  /** Beside the list all of it; else also masks that are in force though changed or deleted here. */
   shown() {
     const camera = this.camera();
-    const all = (this.open || camera) && !this.app.replay.open ? this.all : [];
+    const all = this.app.replay.open ? [] : this.open ? this.all : camera ? [...this.force, ...this.all.filter((mask) => !this.inForce(mask))] : [];
     return all.map((shape, i) => ({ shape, i })).filter(({ shape, i }) => cameraOf(shape) === camera && (!this.edited || i !== this.index));
   }
 
@@ -134,12 +157,19 @@ export class Masks extends Shapes {
     return COLOUR;
   }
 
+  outline(mask) {
+    return this.inForce(mask) ? "mask force" : "mask";
+  }
+
+  caption(mask) {
+    return this.inForce(mask) ? mask.name : `${mask.name || "new mask"}, not in force`;
+  }
+
   // --- the list ---
 
   facts(mask) {
     const camera = cameraOf(mask);
-    const same = this.force.some((other) => line(other) === line(mask));
-    return [camera ? `camera ${camera}` : ["all cameras", this.depths(mask)].filter(Boolean).join(", "), same ? "" : "not in force"].filter(Boolean).join(" · ");
+    return [camera ? `camera ${camera}` : ["all cameras", this.depths(mask)].filter(Boolean).join(", "), this.inForce(mask) ? "" : "not in force"].filter(Boolean).join(" · ");
   }
 
   showList() {
@@ -157,6 +187,7 @@ export class Masks extends Shapes {
   copy() {
     const field = $("mask-lines");
     field.select();
+    this.copied = field.value;
     const copied = () => toast("Copied.", "info", null, "mask-copy");
     const by_hand = () => toast("Your browser copies nothing from here: press Ctrl and C.", "info", null, "mask-copy");
     if (navigator.clipboard) navigator.clipboard.writeText(field.value).then(copied).catch(by_hand); // of secure pages
@@ -222,6 +253,7 @@ export class Masks extends Shapes {
   leave(all) {
     const at = this.index;
     this.all = all;
+    if (this.asked) this.store();
     this.edited = null;
     this.setDrawing(false);
     $("masks-all").hidden = false;

@@ -196,6 +196,15 @@ export class Shapes {
     if (focused >= 0 && focused < corners.length) this.marks[focused].focus({ preventScroll: true });
   }
 
+  /** Classes of a shape's outline. */
+  outline({ mask }) {
+    return mask ? "mask" : "";
+  }
+
+  caption({ name }) {
+    return name || `new ${this.kind}`;
+  }
+
   lines({ shape, i, edited }) {
     const ns = "http://www.w3.org/2000/svg";
     const points = shape.points.map((point) => point.join()).join(" ");
@@ -204,7 +213,7 @@ export class Shapes {
       const node = document.createElementNS(ns, shape.line ? "path" : open ? "polyline" : "polygon");
       if (shape.line) node.setAttribute("d", points && `M${points}${this.arrows(shape)}`);
       else node.setAttribute("points", points);
-      node.setAttribute("class", `${kind}${shape.mask ? " mask" : ""}${edited ? " edited" : ""}`);
+      node.setAttribute("class", `${kind} ${this.outline(shape)}${edited ? " edited" : ""}`);
       if (kind === "line") node.style.color = this.colour(shape, i);
       return node;
     });
@@ -227,7 +236,7 @@ export class Shapes {
 
   label({ shape, i }) {
     const top = shape.points.reduce((best, point) => (point[1] < best[1] ? point : best));
-    const node = el("span", { class: top[1] < TOP ? "zone-name low" : "zone-name" }, shape.name || `new ${this.kind}`);
+    const node = el("span", { class: top[1] < TOP ? "zone-name low" : "zone-name" }, this.caption(shape));
     node.style.borderColor = this.colour(shape, i);
     node.at = top;
     return node;

@@ -6,7 +6,7 @@ import os
 import time
 import urllib.request
 
-from page_bench import check, expect, mode, rest
+from page_bench import check, expect, mode, reload, rest
 
 
 def test_cameras(b, fake):
@@ -599,12 +599,16 @@ def test_masks(b, fake):
     """A mask of a camera is drawn by the mouse and by keys, moved, deleted; a place has a distance; the lines for the configuration are whole."""
     shown = "[...document.querySelectorAll('#mask-marks .zone-name')].map((n) => n.textContent).join()"
     text = "document.getElementById('mask-lines').value"
-    b.click("#tab-overview")
-    b.wait("document.querySelector('.cell[data-name=r0c1]')?.checkVisibility()")
-    b.js("document.querySelector('.cell[data-name=r0c1]').click()")
-    b.wait("!document.getElementById('camera').hidden")
-    b.js("[...document.querySelectorAll('#camera button')].find((n) => n.textContent === 'Masks').click()")
-    b.wait("document.getElementById('mask-of').value === 'r0c1' && document.getElementById('tag-left').textContent.startsWith('Camera r0c1')")
+
+    def open_masks():
+        b.click("#tab-overview")
+        b.wait("document.querySelector('.cell[data-name=r0c1]')?.checkVisibility()")
+        b.js("document.querySelector('.cell[data-name=r0c1]').click()")
+        b.wait("!document.getElementById('camera').hidden")
+        b.js("[...document.querySelectorAll('#camera button')].find((n) => n.textContent === 'Masks').click()")
+        b.wait("document.getElementById('mask-of').value === 'r0c1' && document.getElementById('tag-left').textContent.startsWith('Camera r0c1')")
+
+    open_masks()
     b.wait(f"{shown} === 'window' && document.getElementById('mask-changes').hidden")
     b.click("#mask-new")
     b.wait("document.activeElement === document.getElementById('stage')")
@@ -629,6 +633,14 @@ def test_masks(b, fake):
     check(window == '    - { name: window, row: 0, col: 1, points: "0.7,0 1,0 1,0.3 0.7,0.3" }', f"another mask changed: {window}")
     check(door.startswith('    - { name: back-door, row: 0, col: 1, points: "0.3') and abs(float(door.split('"')[1].split(",")[0]) - 0.39) < 0.01, f"lines: {door}")
     check("not in force" in b.js("document.getElementById('mask-list').textContent"), "the new mask looks as if it were in force")
+    b.key("Escape", 27)
+    b.wait("document.getElementById('toasts').textContent.includes('Not in force: back-door')")
+    check(b.js(shown) == "window,back-door, not in force", f"outlines are named {b.js(shown)}")
+    check(b.js("[...document.querySelectorAll('#mask-shapes .line')].map((n) => getComputedStyle(n).strokeDasharray).join()") == "none,6px, 4px", "outlines look alike")
+    reload(b)
+    open_masks()  # what was drawn is still there
+    b.wait(f"{text}.includes('back-door') && !document.getElementById('mask-changes').hidden")
+    check(b.js("document.getElementById('mask-list').textContent").count("not in force") == 1, "a mask in force looks as if it were drawn")
     b.js("document.getElementById('mask-of').value = ''; document.getElementById('mask-of').dispatchEvent(new Event('change'))")
     b.wait(f"{shown} === '' && !document.getElementById('tag-left').textContent.startsWith('Camera')")
     b.js("document.getElementById('mask-new').click()")  # a place, by keys alone
