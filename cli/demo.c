@@ -171,7 +171,9 @@ static int run_steps(struct demo *d, const char *scene, const char *preset, cons
     if (r == CLI_OK)
         r = cli_exit_code(sst_truth_read(&truth, d->truth));
     if (r == CLI_OK) {
-        const char *const sst[] = { d->lf, "--focus", focus, "-o", d->see_through, "--explain", d->why, NULL };
+        const char *const sst[] = {
+            d->lf, "--focus", focus, "-o", d->see_through, "--explain", d->why, "--force", NULL
+        }; /* replaces files of an earlier run */
         const char *const plain[] = { d->lf, "--focus", focus, "--method", "refocus", "-o", d->refocus, NULL };
 
         snprintf(focus, sizeof(focus), "%.2f", truth.occluders[0].focus_px);
