@@ -8,7 +8,6 @@ import { recordings } from "/web/recorded.js";
 import { $, complain, el, finite, setText, toast } from "/web/ui.js";
 import { what } from "/web/visit_words.js";
 
-const DAY_MS = 86400000;
 const HOUR_MS = 3600000;
 const LEAST_MS = 5 * 60000; // of the window
 const REFRESH_MS = 10000;
@@ -35,14 +34,20 @@ export class Timeline {
     this.tip = null;      // visit of the tooltip
     this.shown = 0;
     this.pointers = new Map(); // on the strip, by id: x
-    this.day = midnight(Date.now());
+    this.start(Date.now());
     this.open();
     this.listen();
-    $("day-before").addEventListener("click", () => this.setDay(midnight(this.day - DAY_MS / 2)));
-    $("day-after").addEventListener("click", () => this.setDay(midnight(this.day + 1.5 * DAY_MS)));
+    $("day-before").addEventListener("click", () => this.setDay(this.day - 1));
+    $("day-after").addEventListener("click", () => this.setDay(this.end));
     $("day-nearer").addEventListener("click", () => this.zoom(1 / ZOOM));
     $("day-farther").addEventListener("click", () => this.zoom(ZOOM));
     setInterval(() => this.tick(), 500);
+  }
+
+  /** Of a day, which has 23 or 25 hours where clocks change. @param at  any moment of it, in ms */
+  start(at) {
+    this.day = midnight(at);
+    this.end = new Date(this.day).setDate(new Date(this.day).getDate() + 1);
   }
 
   /** The last hour of today, which goes on with the clock until the window is moved; the whole of another day. */
@@ -50,7 +55,7 @@ export class Timeline {
     const today = this.day === midnight(Date.now());
     this.follows = today;
     this.from = today ? Math.max(Date.now() - HOUR_MS, this.day) : this.day;
-    this.to = today ? Math.min(this.from + HOUR_MS, this.day + DAY_MS) : this.day + DAY_MS;
+    this.to = today ? Math.min(this.from + HOUR_MS, this.end) : this.end;
   }
 
   /** @param on  a panel that is about the past is open */
@@ -65,21 +70,20 @@ export class Timeline {
     if (!on) return;
     if (Date.now() - this.shown > REFRESH_MS) this.refresh();
     if (this.follows && Date.now() > this.to) {
-      if (midnight(Date.now()) !== this.day) this.day = midnight(Date.now());
+      this.start(Date.now());
       this.open();
       this.draw();
     }
     const played = this.app.replay.open ? this.app.replay.at() : NaN;
-    if (this.follows && finite(played) && played >= this.day && played < this.day + DAY_MS && (played < this.from || played > this.to))
+    if (this.follows && finite(played) && played >= this.day && played < this.end && (played < this.from || played > this.to))
       this.window(played - (this.to - this.from) / 2, this.to - this.from); // the played moment stays in sight
     this.drawMarks();
   }
 
   /** @param at  any moment of it, in ms */
   setDay(at) {
-    const day = midnight(at);
-    if (day > Date.now()) return;
-    this.day = day;
+    if (midnight(at) > Date.now()) return;
+    this.start(at);
     this.open();
     this.refresh();
   }
@@ -94,13 +98,13 @@ export class Timeline {
 
   async refresh() {
     this.shown = Date.now();
-    const { day } = this;
+    const { day, end } = this;
     try {
-      const query = new URLSearchParams({ limit: MOST, from: iso(day), to: iso(day + DAY_MS - 1) });
+      const query = new URLSearchParams({ limit: MOST, from: iso(day), to: iso(end - 1) });
       const [visits, kept] = await Promise.all([get(`/api/v1/visits?${query}`), recordings()]);
       if (day !== this.day) return;
       this.visits = visits.visits.map((visit) => ({ from: Date.parse(visit.from), to: Date.parse(visit.to), visit })).reverse();
-      this.recordings = kept.map((span) => ({ ...span, to: Math.min(span.to, Date.now()) })).filter(({ from, to }) => to > day && from < day + DAY_MS);
+      this.recordings = kept.map((span) => ({ ...span, to: Math.min(span.to, Date.now()) })).filter(({ from, to }) => to > day && from < end);
     } catch (error) {
       if (error.status !== 0) complain(error);
     }
@@ -129,9 +133,9 @@ export class Timeline {
       ...this.visits.filter(inside).map((span) => this.bar(span, "visited", this.app.labels.colourOf(span.visit.label))));
     this.drawTicks();
     setText($("day-name"), new Date(this.day).toLocaleDateString(undefined, { weekday: "short", day: "numeric", month: "short" }));
-    $("day-after").disabled = this.day + DAY_MS > Date.now();
+    $("day-after").disabled = this.end > Date.now();
     $("day-nearer").disabled = this.to - this.from <= LEAST_MS;
-    $("day-farther").disabled = this.to - this.from >= DAY_MS;
+    $("day-farther").disabled = this.to - this.from >= this.end - this.day;
     this.drawMarks();
   }
 
@@ -145,6 +149,7 @@ export class Timeline {
     const recorded = this.recordings.some(({ from, to }) => at >= from && at <= to);
     const words = [...new Set(there.map((visit) => what(visit).replace("Something", "something")))];
     const day = $("day");
+    day.setAttribute("aria-valuemax", (this.end - this.day) / 1000);
     day.setAttribute("aria-valuenow", finite(at) ? Math.round((at - this.day) / 1000) : 0);
     day.setAttribute("aria-valuetext", finite(at) ? `${clock(at)}, ${[...words, recorded ? "recorded" : "not recorded"].join(", ")}`
       : `${clock(this.from, false)} to ${clock(this.to, false)}: ${this.visits.length} visits, ${this.recordings.length} recordings`);
@@ -248,7 +253,7 @@ export class Timeline {
 
   /** @param at  the moment that keeps its place; without it the cursor, the played moment, or now */
   zoom(factor, at = NaN) {
-    const span = Math.min(Math.max((this.to - this.from) * factor, LEAST_MS), DAY_MS);
+    const span = Math.min(Math.max((this.to - this.from) * factor, LEAST_MS), this.end - this.day);
     const inside = (ms) => finite(ms) && ms >= this.from && ms <= this.to;
     const held = [at, this.cursor, this.app.replay.open ? this.app.replay.at() : NaN, Date.now()].find(inside) ?? (this.from + this.to) / 2;
     this.window(held - (held - this.from) * span / (this.to - this.from), span);
@@ -256,7 +261,7 @@ export class Timeline {
 
   window(from, span) {
     this.follows = false;
-    this.from = Math.min(Math.max(from, this.day), this.day + DAY_MS - span);
+    this.from = Math.min(Math.max(from, this.day), this.end - span);
     this.to = this.from + span;
     this.draw();
   }
@@ -290,7 +295,7 @@ export class Timeline {
     else return;
     event.preventDefault();
     if (!finite(this.cursor)) return;
-    this.cursor = Math.min(Math.max(this.cursor, this.day), this.day + DAY_MS - 1);
+    this.cursor = Math.min(Math.max(this.cursor, this.day), this.end - 1);
     if (this.cursor < this.from || this.cursor > this.to) this.window(this.cursor - (this.to - this.from) / 2, this.to - this.from);
     this.drawMarks();
   }

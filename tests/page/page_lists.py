@@ -1,6 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The sst contributors
 # SPDX-License-Identifier: Apache-2.0
 """What users do with cameras, events, recordings, visits and zones: tests of test_page.py."""
+import datetime
 import json
 import os
 import time
@@ -309,7 +310,11 @@ def test_calendar(b, fake):
     """A month with dots on days with visits; a day is chosen by keys, for the list and the strip below the picture."""
     b.click("#tab-visits")
     b.click("#calendar-open")
+    b.wait("document.activeElement.dataset.day")
+    if b.js("document.activeElement.dataset.day.slice(0, 7)") > fake.visits()[0]["visit"][:7]:  # a month has begun just now
+        b.click("#calendar-before")
     b.wait("document.getElementById('calendar').matches(':popover-open') && document.querySelector('#calendar [data-dot=new]') !== null")
+    b.js("document.querySelector('#calendar [data-day][tabindex=\"0\"]').focus()")
     day = fake.visits()[0]["visit"][:10]
     check(b.js(f"document.querySelector('#calendar [data-day=\"{day}\"]')?.ariaLabel.includes('to review')") in (True, None), "a day does not say what is to be reviewed")
     today = b.js("document.activeElement.dataset.day")
@@ -325,6 +330,23 @@ def test_calendar(b, fake):
     b.wait("document.getElementById('calendar').matches(':popover-open')")
     b.click("#calendar-all")
     b.wait(f"document.getElementById('visits-day').value === '' && {name} !== {json.dumps(before)}")
+    b.call("Emulation.setTimezoneOverride", timezoneId="Europe/Berlin")  # where a day of last October had 25 hours
+    today = datetime.date.today()
+    month = datetime.date(today.year - (today.month < 11), 10, 31)
+    long = month - datetime.timedelta(days=(month.weekday() + 1) % 7)
+    b.click("#day-name")
+    b.wait("document.activeElement.dataset.day")
+    for _ in range(13):
+        if b.js("document.activeElement.dataset.day") > f"{month}":
+            b.key("PageUp", 33)
+    b.js(f"document.querySelector('#calendar [data-day=\"{long}\"]').click()")
+    b.wait("Number(document.getElementById('day').ariaValueMax) === 25 * 3600")
+    span = [r["query"] for r in fake.log() if r["path"] == "/api/v1/visits" and r["query"].get("limit") == "1000" and "to" in r["query"]][-1]
+    check(span["from"].endswith("T22:00:00.000Z") and span["to"].endswith("T22:59:59.999Z"), f"the day of 25 hours is {span}")
+    b.call("Emulation.setTimezoneOverride", timezoneId="")
+    b.click("#day-name")
+    b.click("#calendar-all")
+    b.wait("Number(document.getElementById('day').ariaValueMax) === 24 * 3600")
     b.click("#tab-overview")
 
 
