@@ -236,7 +236,7 @@ struct live_engine {
     struct sst_live_track track[SST_LIVE_TRACKS];
     int tracks;
     uint64_t tracks_set; /* the set that they are of, and its time */
-    int64_t tracks_t_ns;
+    int64_t tracks_t_ns, tracks_wall_ns;
 };
 
 /* engine_state.c */

@@ -5,6 +5,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/clock.h"
 #include "daemon/service/engine_internal.h"
 #include "daemon/service/service_internal.h"
 
@@ -21,6 +22,7 @@ void engine_tracks_follow(struct live_engine *v)
     memcpy(v->track, track, (size_t)n * sizeof(track[0]));
     v->tracks_set = v->set_index;
     v->tracks_t_ns = v->set_t_ns;
+    v->tracks_wall_ns = v->set_wall_ns;
     engine_removed_locked(v);
     pthread_mutex_unlock(&v->lock);
 }
@@ -52,26 +54,33 @@ json_t *engine_track_json_locked(const struct live_engine *v, const struct sst_l
 {
     static const char *const states[] = { "seen", "covered", "still" };
     const struct sized *a = engine_sized(v, t->id);
+    const int64_t seen_ns = t->state == SST_LIVE_TRACK_COVERED ? t->seen_ns : v->tracks_t_ns;
+    char seen[SST_CLOCK_TEXT];
 
+    sst_clock_text(seen, v->tracks_wall_ns - (v->tracks_t_ns - seen_ns));
     return json_pack(
-        "{s:I, s:s, s:b, s:i, s:s, s:s, s:b, s:[f, f, f, f], s:[f, f, f, f], s:[f, f], s:f, s:o, s:o, s:o, s:f}", "track",
-        (json_int_t)t->id, "state", states[t->state], "hidden", t->hidden, "label", t->label, "name",
-        engine_label_name(v, t->label), "label_by", engine_named_by(v, t), "removed", isgreater(t->disp_px, v->state.cut_px) != 0,
-        "box", t->x0, t->y0, t->x1, t->y1, "at", t->at[0], t->at[1], t->at[2], t->at[3], "speed_px_s", t->vx_px_s, t->vy_px_s, "disparity_px", t->disp_px,
-        "distance_m", sst_api_real(engine_distance_m(v, t->disp_px)), "height_m",
-        sst_api_real(a ? a->height_m : (double)NAN), "speed_m_s", sst_api_real(a ? a->speed_m_s : (double)NAN),
-        "seconds", (double)(v->tracks_t_ns - t->first_ns) / 1e9);
+        "{s:I, s:s, s:b, s:i, s:s, s:s, s:b, s:[f, f, f, f], s:[f, f, f, f], s:[f, f], s:f, s:o, s:o, s:o, s:f, s:s}",
+        "track", (json_int_t)t->id, "state", states[t->state], "hidden", t->hidden, "label", t->label, "name",
+        engine_label_name(v, t->label), "label_by", engine_named_by(v, t), "removed",
+        isgreater(t->disp_px, v->state.cut_px) != 0, "box", t->x0, t->y0, t->x1, t->y1, "at", t->at[0], t->at[1],
+        t->at[2], t->at[3], "speed_px_s", t->vx_px_s, t->vy_px_s, "disparity_px", t->disp_px, "distance_m",
+        sst_api_real(engine_distance_m(v, t->disp_px)), "height_m", sst_api_real(a ? a->height_m : (double)NAN),
+        "speed_m_s", sst_api_real(a ? a->speed_m_s : (double)NAN), "seconds",
+        (double)(v->tracks_t_ns - t->first_ns) / 1e9, "seen", seen);
 }
 
 int engine_tracks(void *engine, struct sst_api_answer *out)
 {
     struct live_engine *v = engine;
     json_t *list = json_array();
+    char time[SST_CLOCK_TEXT];
 
     pthread_mutex_lock(&v->lock);
     for (int i = 0; i < v->tracks; i++)
         json_array_append_new(list, engine_track_json_locked(v, &v->track[i]));
-    out->body = json_pack("{s:I, s:o}", "set", (json_int_t)v->tracks_set, "tracks", list);
+    sst_clock_text(time, v->tracks_wall_ns);
+    out->body = json_pack("{s:I, s:s?, s:o}", "set", (json_int_t)v->tracks_set, "time", v->tracks_wall_ns ? time : NULL,
+                          "tracks", list);
     pthread_mutex_unlock(&v->lock);
     return out->body ? 0 : -ENOMEM;
 }

@@ -5,9 +5,10 @@
 import { NOTHING_PX } from "/web/clear.js";
 import { $, el, finite, number, setText, storage, visible } from "/web/ui.js";
 
-const ASK_MS = 400;   // without a picture that asks before; a camera's picture does not
+const ASK_MS = 400;   // without a picture that asks before
 const LEAST_MS = 80;
 const REST_MS = 1000; // while nothing moves
+const UNSEEN_MS = 700; // a box ends this long after its track was seen
 const KEY = "sst-boxes";
 const PERSONS = ["Pedestrian", "Person", "person"];
 
@@ -57,9 +58,16 @@ export class Boxes {
     }
   }
 
-  /** A new picture is drawn: its tracks are known. */
+  /** A new picture is drawn: its tracks are known, and earlier ones may be over. */
   picture() {
     this.wake();
+    if (this.tracks.length) this.show();
+  }
+
+  /** Was a track seen just before the picture that is shown, or before the last set where that brings none? By time: a slow machine has few sets. */
+  isFresh({ seen, set_time: time }) {
+    const now = Math.max(...[this.stage.drawn_ms(), Date.parse(time)].filter(finite));
+    return !(now - Date.parse(seen) > UNSEEN_MS);
   }
 
   /** Does the cut of this page's picture remove a track? Not with keep_moving. */
@@ -69,16 +77,17 @@ export class Boxes {
   }
 
   show() {
-    const cut = this.app.mode === "clear" && !this.stage.overlays.camera ? this.tracks.filter((track) => this.isCut(track)) : [];
+    const fresh = this.tracks.filter((track) => this.isFresh(track));
+    const cut = this.app.mode === "clear" && !this.stage.overlays.camera ? fresh.filter((track) => this.isCut(track)) : [];
     $("boxes-on").setAttribute("aria-pressed", this.on);
     $("boxes").hidden = !this.on;
     this.showBadge(cut);
     for (const [track, node] of this.nodes)
-      if (!this.tracks.some((other) => other.track === track)) {
+      if (!fresh.some((other) => other.track === track)) {
         node.remove();
         this.nodes.delete(track);
       }
-    for (const track of this.tracks) this.showBox(track, cut.includes(track) && !this.keeps);
+    for (const track of fresh) this.showBox(track, cut.includes(track) && !this.keeps);
   }
 
   /** "1 person removed, 4.4 m"; pressed, it brings them back. */

@@ -69,6 +69,7 @@ export class Overlays {
     const notify = (what, why) => {
       if (what === "picture") {
         canvas.hidden = this.kind !== "camera";
+        this.app.stage.boxes.picture();
         if (this.shown()) this.app.stage.drawn(this.shown());
         this.app.replay.picture();
       }

@@ -154,7 +154,8 @@ export class View {
 
   /** Moving objects. */
   async tracks() {
-    return (await get(`${source.base}/api/v1/tracks`)).tracks;
+    const { time, tracks } = await get(`${source.base}/api/v1/tracks`);
+    return tracks.map((track) => ({ ...track, set_time: time }));
   }
 
   restore() {

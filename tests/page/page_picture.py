@@ -256,12 +256,21 @@ def test_boxes(b, fake):
     b.wait(f"{badge}.firstElementChild.textContent === '1 person removed, 4.4 m'")
     b.js("document.querySelector('#overlay [value=camera]').click()")
     b.wait(f"{badge}.hidden && {said} === 'Person · 4.4 m,Moving thing · 7.7 m'")  # the camera removes nobody
+    fake.set(tracks_late_s=2)  # a slow machine: the camera's pictures go on, without their tracks
+    b.wait(f"{said} === ''")
+    fake.set(tracks_late_s=0)
+    b.wait(f"{said} === 'Person · 4.4 m,Moving thing · 7.7 m'")
     b.js("document.querySelector('#overlay [value=\"\"]').click()")
     b.click("#boxes-on")
     b.wait("document.getElementById('boxes').hidden && document.getElementById('boxes-on').getAttribute('aria-pressed') === 'false'")
     check(b.js("localStorage.getItem('sst-boxes')") == "off", "not remembered")
     b.wait(f"!{badge}.hidden")  # the badge does not depend on boxes
     b.click("#boxes-on")
+    lost = {**walker, "state": "covered", "unseen_s": 2}
+    fake.set(tracks=[lost, {**other, "state": "covered", "unseen_s": 0.3}])
+    b.wait(f"{said} === 'Moving thing · 7.7 m' && {badge}.hidden")  # where it was is lawn by now
+    fake.set(tracks=[{**lost, "unseen_s": 0}])
+    b.wait(f"{said} === 'Person · 4.4 m · removed' && !{badge}.hidden")
     fake.set(tracks=[])
     b.wait(f"{badge}.hidden && document.querySelectorAll('.box').length === 0")
     mode(b, "sst")

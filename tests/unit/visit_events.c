@@ -448,6 +448,26 @@ static void too_slow_is_noticed(void **state)
     v->live = NULL;
 }
 
+/* Boxes end by the time of the last sighting: of this set, or of the one in which the track was seen last. */
+static void tracks_say_when_they_were_seen(void **state)
+{
+    struct sst_live_track t = { .id = 12, .state = SST_LIVE_TRACK_SEEN, .seen_ns = 4 * SET_NS };
+    json_t *o;
+
+    v->tracks_t_ns = 6 * SET_NS;
+    v->tracks_wall_ns = INT64_C(1700000000000000000) + 6 * SET_NS;
+    for (int covered = 0; covered <= 1; covered++) {
+        char expected[SST_CLOCK_TEXT];
+
+        t.state = covered ? SST_LIVE_TRACK_COVERED : SST_LIVE_TRACK_STILL;
+        sst_clock_text(expected, v->tracks_wall_ns - (covered ? 2 * SET_NS : 0));
+        o = engine_track_json_locked(v, &t);
+        assert_string_equal(json_string_value(json_object_get(o, "seen")), expected);
+        json_decref(o);
+    }
+    (void)state;
+}
+
 /* --- crossings over a gap ------------------------------------------------------------------------------------------ */
 
 /* A new track with its foot at a point. */
@@ -513,6 +533,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(persons_are_named_by_size_and_motion, setup, teardown),
         cmocka_unit_test_setup_teardown(removed_tracks_are_reported, setup, teardown),
         cmocka_unit_test_setup_teardown(too_slow_is_noticed, setup, teardown),
+        cmocka_unit_test_setup_teardown(tracks_say_when_they_were_seen, setup, teardown),
         cmocka_unit_test_setup_teardown(who_is_lost_at_a_line_crosses_it, setup, teardown),
     };
 
