@@ -86,7 +86,7 @@ def test_recordings(b, fake):
     check(expect(lambda: len(fake.posts("/api/v1/record")) == 2), "recording does not stop")
     b.wait("document.querySelectorAll('.recording').length === 4")
     b.wait("document.querySelectorAll('.recording summary [data-drawn]').length > 1")
-    check("00:0" in b.js("document.querySelector('.recording summary').textContent") and "sets" not in b.js("document.getElementById('recordings').textContent"), "no length")
+    check("1 min 12 s" in b.js("document.querySelector('.recording summary').textContent") and "sets" not in b.js("document.getElementById('recordings').textContent"), "no length")
     b.click(".recording:last-child summary")
     b.wait("document.querySelector('.recording:last-child').open")
     check(b.js("[...document.querySelectorAll('.recording:last-child .take a')].map((a) => a.download.slice(20)).join()") == ".mkv,.tar",
