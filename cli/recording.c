@@ -11,7 +11,15 @@
 #include "cli/cli_internal.h"
 
 #define MAX_NAMED 8                   /* cameras or sets named in one line */
+#define TABLE     64                  /* bytes of a frame in the tables of a segment, at most */
 #define AHEAD_NS  INT64_C(1000000000) /* clocks of several hosts agree better than this */
+
+/* Frames of a segment that the index names. */
+struct segment {
+    int number, frames;
+    int64_t bytes, widest; /* of all its sets; of the largest one */
+    bool damaged;
+};
 
 struct summary {
     const struct sst_recording_info *info;
@@ -25,14 +33,32 @@ struct summary {
     int64_t *period_ns;         /* from one set to the next of the same run */
     int worst[SST_CAMERAS_MAX]; /* sets in which the camera was the one farthest off */
     int gaps;                   /* periods of more than one and a half of the usual */
-    int unlisted;               /* segments that the index does not name */
-    int64_t unlisted_bytes;     /* of unlisted segments */
-    bool index_lost;            /* they are more than one that was being written */
+    int unlisted;               /* segments with frames that the index does not name */
+    int64_t unlisted_bytes;     /* of such frames */
+    bool index_lost;            /* they are more than a set that was being written */
+    struct segment segment;     /* of the sets at work */
     json_t *damage;             /* [{"set":, "cam":}]; cam -1: the line */
 };
 
-static void add_set(struct summary *s, const struct sst_recording_set *set)
+/* After the last set of a segment: count its bytes that no line of the index names. A set that was being written may
+ * leave some. */
+static void end_segment(struct summary *s, const struct sst_recording *recording, int next)
 {
+    const struct segment *g = &s->segment;
+    const int64_t size = g->frames && !g->damaged ? sst_recording_segment_size(recording, g->number) : -1;
+    const int64_t unknown = size - g->bytes - (int64_t)TABLE * g->frames;
+
+    if (size >= 0 && unknown > 2 * g->widest) {
+        s->unlisted++;
+        s->unlisted_bytes += unknown;
+        s->index_lost = true;
+    }
+    s->segment = (struct segment){ .number = next };
+}
+
+static void add_set(struct summary *s, const struct sst_recording_set *set, bool damaged)
+{
+    int64_t bytes = 0;
     int good = 0;
 
     for (int k = 0; k < s->info->cameras; k++) {
@@ -44,10 +70,14 @@ static void add_set(struct summary *s, const struct sst_recording_set *set)
         s->arrival[k] += f->present && f->faults & SST_FRAME_ARRIVAL;
         s->ahead[k] += f->present && f->t_ns - f->arrival_ns > AHEAD_NS;
         good += f->present && !bad;
-        s->bytes += f->present ? (int64_t)f->bytes : 0;
+        bytes += f->present ? (int64_t)f->bytes : 0;
         s->lost_before += f->present ? f->lost_before : 0;
     }
-    s->complete += good == s->info->cameras;
+    s->complete += good == s->info->cameras && !damaged;
+    s->bytes += bytes;
+    s->segment.bytes += bytes;
+    s->segment.widest = bytes > s->segment.widest ? bytes : s->segment.widest;
+    s->segment.frames += set->present;
     if (set->present > 1)
         s->spread_ns[s->spreads++] = set->skew.spread_ns;
     if (set->skew.worst_cam >= 0 && set->skew.worst_cam < s->info->cameras)
@@ -80,13 +110,16 @@ static int scan(struct summary *s, const struct sst_recording *recording, bool v
 
         err = sst_recording_set(recording, i, &set);
         if (!err) {
-            add_set(s, &set);
+            if (set.segment != s->segment.number)
+                end_segment(s, recording, set.segment);
             if (set.session == before.session)
                 s->period_ns[s->periods++] = set.t_ns - before.t_ns;
             s->runs += set.session != before.session;
             before = set;
             err = verify ? sst_recording_check(recording, i, &cam) : sst_recording_check_size(recording, &set, &cam);
+            add_set(s, &set, err == -EBADMSG);
         }
+        s->segment.damaged |= err == -EBADMSG;
         if (err == -EBADMSG)
             err = note_damage(s, i, cam);
         else if (err)
@@ -95,6 +128,7 @@ static int scan(struct summary *s, const struct sst_recording *recording, bool v
             cli_progress((void *)(uintptr_t) "verify", (i + 1.0) / s->sets);
     }
     cli_progress_end();
+    end_segment(s, recording, -1);
     sst_stats_sort_int64(s->spread_ns, s->spreads);
     sst_stats_sort_int64(s->period_ns, s->periods);
     count_gaps(s);
@@ -167,8 +201,8 @@ static void print_text(const struct summary *s, const struct sst_recording *reco
         printf("\n");
     }
     if (s->unlisted)
-        printf("unlisted  %lld bytes in %d segments that the index, sets.jsonl, does not name%s\n",
-               (long long)s->unlisted_bytes, s->unlisted,
+        printf("unlisted  %lld bytes in %d segment%s that the index, sets.jsonl, does not name%s\n",
+               (long long)s->unlisted_bytes, s->unlisted, s->unlisted > 1 ? "s" : "",
                s->index_lost ? "; restore it from a copy" : ": a set that was being written");
     if (sst_recording_torn_bytes(recording))
         printf("torn end  %lld bytes of a set that was being written\n",

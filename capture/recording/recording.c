@@ -181,6 +181,18 @@ int sst_recording_unlisted(const struct sst_recording *r, int64_t *bytes)
     return n;
 }
 
+int64_t sst_recording_segment_size(const struct sst_recording *r, int segment)
+{
+    char path[SST_PATH_MAX];
+    struct stat st, lines;
+
+    /* The index last: a recorder writes a set's line after its bytes. */
+    if (segment < 0 || segment_path(path, r->dir, segment) || stat(path, &st) || fstat(r->fd, &lines) ||
+        lines.st_size != r->size)
+        return -1;
+    return st.st_size;
+}
+
 /* --- sets --------------------------------------------------------------------------------------------------------- */
 
 /* Read all n bytes at an offset; -EBADMSG: the file ends before. */

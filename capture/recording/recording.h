@@ -77,6 +77,9 @@ int64_t sst_recording_torn_bytes(const struct sst_recording *recording);
  *  @param bytes  out, their sum */
 int sst_recording_unlisted(const struct sst_recording *recording, int64_t *bytes);
 
+/** Bytes of a segment; -1: it is missing, or lines were added to sets.jsonl since it was opened. */
+int64_t sst_recording_segment_size(const struct sst_recording *recording, int segment);
+
 /** Read set i from the manifest. @return 0, -EBADMSG (its line is damaged), -EIO, -ENOMEM. Not logged. */
 SST_MUST_CHECK int sst_recording_set(const struct sst_recording *recording, int i, struct sst_recording_set *set);
 

@@ -117,6 +117,10 @@ cp -r holes short && truncate -s -20000 short/segments/"$(ls short/segments | ta
 "$sst" recording holes >info || fail "damage in a whole recording: $(cat info)"
 "$sst" recording short >info 2>&1 && fail "a segment cut short passes"
 grep -q "^damage    [1-9]" info || fail "a segment cut short: $(cat info)"
+[ "$("$sst" recording short --json 2>/dev/null | json - 'o["partial"] >= 0 and o["complete"] + o["partial"] + o["damaged"] == o["sets"]')" = True ] || fail "sets of a segment cut short: $(cat info)"
+cp -r holes fewer && sed -i '6,$d' fewer/sets.jsonl
+"$sst" recording fewer >info 2>&1 && fail "an index that lost its last lines passes"
+grep -q "^unlisted  [1-9].*restore it" info || fail "an index that lost its last lines: $(cat info)"
 cp -r holes empty && : >empty/sets.jsonl
 "$sst" recording empty >info 2>&1 && fail "an emptied index passes"
 grep -q "^unlisted  [1-9].*restore it" info || fail "an emptied index: $(cat info)"
