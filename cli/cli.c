@@ -449,19 +449,29 @@ void cli_progress_end(void)
     progress_start_ns = 0;
 }
 
+int cli_flush(void)
+{
+    static bool logged;
+
+    errno = 0;
+    if (!fflush(stdout) && !ferror(stdout))
+        return CLI_OK;
+    if (!logged && errno != EPIPE) /* `| head` has read enough */
+        sst_log_error("cannot write to standard output: %s", errno ? strerror(errno) : "a part of it is lost");
+    logged = true;
+    return CLI_OUTPUT;
+}
+
 int cli_dump_json(json_t *root, size_t flags)
 {
     char *text = root ? json_dumps(root, flags) : NULL;
-    bool failed;
 
     json_decref(root);
     if (!text)
         return CLI_MEMORY;
-    failed = puts(text) < 0 || fflush(stdout);
-    if (failed)
-        sst_log_error("cannot write to standard output: %s", strerror(errno));
+    (void)puts(text);
     free(text);
-    return failed ? CLI_OUTPUT : CLI_OK;
+    return cli_flush();
 }
 
 int cli_print_json(json_t *root)

@@ -133,6 +133,9 @@ struct cli_skip {
 int cli_read_skips(const struct cli_command *cmd, const char *option, const char *list, const struct cli_skip *skips,
                    size_t count);
 
+/** Flush standard output. @return CLI_OK, CLI_OUTPUT: some of it is lost; logged once, but not where its reader has gone. */
+int cli_flush(void);
+
 /** Print an object on standard output with jansson's flags and a newline, and release it. @param root  NULL: out of
  *  memory @return exit code */
 int cli_dump_json(json_t *root, size_t flags);

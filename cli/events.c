@@ -34,11 +34,7 @@ static int print_line(const struct show *s, const json_t *event, const char *lin
         cli_text(event, "message", message, sizeof(message));
         printf("%s  %-7s  %-14s %s\n", time, level, type, message);
     }
-    if (fflush(stdout)) {
-        sst_log_error("events cannot be printed: %s", strerror(errno));
-        return -EPIPE;
-    }
-    return 0;
+    return cli_flush() ? -EPIPE : 0;
 }
 
 static int on_line(void *arg, const char *line)

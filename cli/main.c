@@ -53,15 +53,10 @@ static void keep_memory(void)
     mallopt(M_TRIM_THRESHOLD, KEPT_BYTES);
 }
 
-int main(int argc, char **argv)
+static int dispatch(int argc, char **argv)
 {
     const char *names[ARRAY_LEN(commands) + 1] = { NULL };
 
-    keep_memory();
-    if (sst_file_clean_on_interrupt())
-        return CLI_MEMORY;
-    signal(SIGPIPE, SIG_IGN);
-    signal(SIGXFSZ, SIG_IGN); /* a file-size limit is an output error like a full disk */
     if (argc < 2) {
         usage();
         return CLI_USAGE;
@@ -86,4 +81,18 @@ int main(int argc, char **argv)
         names[i] = commands[i]->name;
     sst_log_error("unknown command `%s`;%s `sst --help` lists the commands", argv[1], sst_edit_hint(argv[1], names));
     return CLI_USAGE;
+}
+
+int main(int argc, char **argv)
+{
+    int code;
+
+    keep_memory();
+    if (sst_file_clean_on_interrupt())
+        return CLI_MEMORY;
+    signal(SIGPIPE, SIG_IGN);
+    signal(SIGXFSZ, SIG_IGN); /* a file-size limit is an output error like a full disk */
+    code = dispatch(argc, argv);
+    /* Commands take any failure to print a report for a lack of memory. */
+    return cli_flush() && (code == CLI_OK || code == CLI_MEMORY) ? CLI_OUTPUT : code;
 }

@@ -294,11 +294,7 @@ static int show(const struct sst_client_service *where, bool json, bool clear, b
     }
     json_decref(cameras);
     json_decref(status);
-    if (fflush(stdout) && !err) {
-        sst_log_error("the status cannot be printed: %s", strerror(errno));
-        err = -EPIPE;
-    }
-    return err;
+    return cli_flush() && !err ? -EPIPE : err;
 }
 
 static int run(const struct cli_command *cmd, int argc, char **argv)

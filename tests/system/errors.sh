@@ -260,6 +260,13 @@ want 4 "folder" stereo $left $right -m 9 -o folder.pfm
 ln -s /dev/full full.png
 want 4 "not a regular file" render good --focus 4 -o full.png
 [ -c full.png ] && [ -c /dev/full ] || fail "a device was replaced"
+# Reports that do not arrive; a reader that has read enough is no fault.
+for report in "version" "models" "render --help" "render good --focus 4 -o pic.png --json"; do
+  # shellcheck disable=SC2086
+  "$sst" $report >/dev/full 2>err
+  [ $? = 4 ] && [ "$(grep -c "cannot write to standard output" err)" = 1 ] || fail "$report on a full disk: $(cat err)"
+done
+"$sst" --help 2>err | : && [ ! -s err ] || fail "help without a reader: $(cat err)"
 mkdir mine && echo precious >mine/file
 want 4 "does not replace" scene bush --size 20x20 -o mine --force
 want 4 "does not replace" sweep good --from 3 --to 4 --steps 1 -o mine --force
