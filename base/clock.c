@@ -57,6 +57,28 @@ void sst_clock_text(char out[SST_CLOCK_TEXT], int64_t wall_ns)
     snprintf(out, SST_CLOCK_TEXT, "%s.%03dZ", day, (int)(ns / 1000000));
 }
 
+static int days_of(int year, int month)
+{
+    static const int days[] = { 31, 28, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31 };
+
+    if (month < 1 || month > 12)
+        return 0;
+    return days[month - 1] + (month == 2 && (year % 4 ? 0 : year % 100 ? 1 : year % 400 == 0));
+}
+
+bool sst_clock_begins_with_day(const char *text)
+{
+    static const char form[] = "dddd-dd-dd";
+    int day;
+
+    for (int i = 0; form[i]; i++) {
+        if (form[i] == 'd' ? text[i] < '0' || text[i] > '9' : text[i] != form[i])
+            return false;
+    }
+    day = atoi(text + 8);
+    return day > 0 && day <= days_of(atoi(text), atoi(text + 5));
+}
+
 bool sst_clock_read(const char *text, int64_t *wall_ns)
 {
     struct tm tm = { 0 };
@@ -70,7 +92,8 @@ bool sst_clock_read(const char *text, int64_t *wall_ns)
         fraction = strtod(end, &after);
         end = after;
     }
-    if (strcmp(end, "Z") || !(fraction >= 0 && fraction < 1) || tm.tm_year < 70 || tm.tm_year > 200)
+    if (strcmp(end, "Z") || !(fraction >= 0 && fraction < 1) || tm.tm_year < 70 || tm.tm_year > 200 ||
+        tm.tm_mday > days_of(tm.tm_year + 1900, tm.tm_mon + 1)) /* timegm() would carry it into the next month */
         return false;
     *wall_ns = (int64_t)timegm(&tm) * 1000000000 + (int64_t)(fraction * 1e9);
     return true;

@@ -23,6 +23,8 @@ int64_t sst_clock_wall_ns(void);
 #define SST_CLOCK_TEXT 32
 /** "2026-11-21T18:05:00.123Z". */
 void sst_clock_text(char out[SST_CLOCK_TEXT], int64_t wall_ns);
+/** Whether a text begins with a day of the calendar, as "2026-11-21" or "2026-11-21T18:05:00Z". */
+bool sst_clock_begins_with_day(const char *text);
 /** Read "2026-11-21T18:05:00Z", with a fraction if need be. @param text  NULL is none @return false: no such time */
 bool sst_clock_read(const char *text, int64_t *wall_ns);
 

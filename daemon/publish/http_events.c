@@ -13,6 +13,7 @@
 #define LIMIT_USUAL 100
 #define LIMIT_MAX   1000
 #define TIME_MOST   64
+#define DAY         10
 #define OFFSET_MOST 900
 #define PIECE_BYTES 4096
 #define SILENCE     6 /* idle times after which a client that reads nothing is disconnected */
@@ -49,7 +50,8 @@ static bool time_of(struct http_request *q, const char *name, const char **out, 
     const char *text = http_query(q, name);
 
     *out = text && *text ? text : NULL;
-    if (!*out || (strlen(text) >= 10 && strlen(text) < TIME_MOST && strspn(text, "0123456789-:.TZ") == strlen(text)))
+    if (!*out || (sst_clock_begins_with_day(text) && (!text[DAY] || text[DAY] == 'T') && strlen(text) < TIME_MOST &&
+                  strspn(text, "0123456789-:.TZ") == strlen(text)))
         return true;
     *done = http_reply_error(q, MHD_HTTP_BAD_REQUEST, "%s=%.40s is not a time like 2026-11-21T18:05:00Z", name, text);
     return false;
@@ -265,6 +267,11 @@ int http_do_listen(struct http_request *q)
     response = MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, PIECE_BYTES, listener_read, l, listener_free);
     if (!response) {
         listener_free(l);
+        return MHD_NO;
+    }
+    /* Without chunks there is no last one, which libmicrohttpd would send for HEAD, too. */
+    if (q->head && MHD_set_response_options(response, MHD_RF_HTTP_1_0_COMPATIBLE_STRICT, MHD_RO_END) != MHD_YES) {
+        MHD_destroy_response(response);
         return MHD_NO;
     }
     http_set(response, "Content-Type", l->sse ? "text/event-stream" : "application/x-ndjson");

@@ -40,11 +40,19 @@ static void key_of(char out[NAME_LENGTH + 1], const char *text)
         out[n - 1] = 0;
 }
 
-/* Times are texts of one form, of which the longer one is later. */
+/* Order of a visit's time and the moment, second, minute or day that a query names; 0: within it. Times are texts of one
+ * form. */
+static int compare_time(const char *visit, const char *query)
+{
+    const size_t n = strlen(query);
+
+    return strncmp(visit, query, n && query[n - 1] == 'Z' ? n - 1 : n); /* a Z is later than a fraction */
+}
+
 static bool fits(const json_t *data, const struct sst_visits_query *q)
 {
-    return (!q->from || strcmp(visits_text(data, "to"), q->from) >= 0) &&
-           (!q->to || strncmp(visits_text(data, "from"), q->to, strlen(q->to)) <= 0) &&
+    return (!q->from || compare_time(visits_text(data, "to"), q->from) >= 0) &&
+           (!q->to || compare_time(visits_text(data, "from"), q->to) <= 0) &&
            (!q->label || !strcmp(visits_text(data, "label"), q->label)) && (!q->zone || has_zone(data, q->zone));
 }
 

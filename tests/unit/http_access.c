@@ -465,6 +465,9 @@ static void errors_of_the_service(void **state)
 
 static void visits_are_asked_for(void **state)
 {
+    static const char *const no_time[] = { "yesterday",  "1764460800", "2026-02-30", "2026-13-01",
+                                           "2026-11-00", "2027-02-29", "----------", "2026-11-21Z05" };
+
     (void)state;
     assert_int_equal(ask("GET", "/api/v1/visits?label=Car&zone=gate&from=2026-11-21&limit=7", bearer(view), NULL), 200);
     assert_non_null(
@@ -481,7 +484,12 @@ static void visits_are_asked_for(void **state)
     assert_non_null(strstr(answer, "{\"from\":\"2026-11-01\",\"offset_min\":-90}"));
     assert_int_equal(ask("GET", "/api/v1/visits/days?offset_min=901", bearer(view), NULL), 400);
     assert_int_equal(ask("GET", "/api/v1/visits/days?offset_min=--1", bearer(view), NULL), 400);
-    assert_int_equal(ask("GET", "/api/v1/visits?from=yesterday", bearer(view), NULL), 400);
+    for (size_t i = 0; i < ARRAY_LEN(no_time); i++) {
+        char target[100];
+
+        snprintf(target, sizeof(target), "/api/v1/visits?from=%s", no_time[i]);
+        assert_int_equal(ask("GET", target, bearer(view), NULL), 400);
+    }
     assert_int_equal(ask("GET", "/api/v1/visits?limit=0x7", bearer(view), NULL), 400);
     assert_int_equal(ask("GET", "/api/v1/visits/v1/seen", bearer(view), NULL), 200);
     assert_non_null(strstr(answer, "\r\n\r\nseen"));

@@ -294,6 +294,8 @@ static void snapshots(void **state)
     assert_non_null(strcasestr(answer, "Content-Length: 5000\r\n"));
     assert_int_equal(strlen(strstr(answer, "\r\n\r\n") + 4), 0);
     assert_int_equal(ask("HEAD", "/stream", bearer(view), NULL), 200);
+    assert_int_equal(ask("HEAD", "/api/v1/events/stream", bearer(view), NULL), 200);
+    assert_string_equal(strstr(answer, "\r\n\r\n"), "\r\n\r\n"); /* a body would begin the next answer */
     wait_viewers(0);
 }
 

@@ -275,6 +275,7 @@ static void events_are_kept_in_order(void **state)
 static void wall_time_as_text(void **state)
 {
     char text[SST_CLOCK_TEXT];
+    int64_t wall_ns;
 
     (void)state;
     sst_clock_text(text, 0);
@@ -283,6 +284,14 @@ static void wall_time_as_text(void **state)
     assert_string_equal(text, "2025-11-21T18:05:00.123Z");
     sst_clock_text(text, -1000000);
     assert_string_equal(text, "1969-12-31T23:59:59.999Z");
+    assert_true(sst_clock_read("2028-02-29T23:59:59.5Z", &wall_ns));
+    sst_clock_text(text, wall_ns);
+    assert_string_equal(text, "2028-02-29T23:59:59.500Z");
+    assert_false(sst_clock_read("2027-02-29T00:00:00Z", &wall_ns));
+    assert_false(sst_clock_read("2026-11-31T00:00:00Z", &wall_ns));
+    assert_true(sst_clock_begins_with_day("2000-02-29T"));
+    assert_false(sst_clock_begins_with_day("2100-02-29"));
+    assert_false(sst_clock_begins_with_day("2026-11"));
 }
 
 /* --- windows and settings ----------------------------------------------------------------------------------------- */

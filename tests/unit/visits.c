@@ -127,6 +127,11 @@ static void visits_are_kept_and_listed(void **state)
     sst_clock_text(from, sst_clock_wall_ns() - 86400 * INT64_C(1000000000));
     assert_int_equal(count(v, &(struct sst_visits_query){ .limit = 10, .from = from }), 2);
     assert_int_equal(count(v, &(struct sst_visits_query){ .limit = 10, .to = from }), 1);
+    /* Seconds without a fraction mean all of the second. */
+    o = list(v, &(struct sst_visits_query){ .limit = 1 });
+    snprintf(from, sizeof(from), "%.19sZ", text(o, 0, "to"));
+    json_decref(o);
+    assert_int_equal(count(v, &(struct sst_visits_query){ .limit = 10, .from = from }), 1);
 
     for (int i = 0; i < 1000 && err; i++) {
         err = sst_visits_read_picture(v, name[1], SST_VISIT_SEEN, &data, &size);
