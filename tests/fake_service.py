@@ -4,7 +4,8 @@
 """A service that answers as docs/integrate/api.md says, on a UNIX socket: for tests of its clients.
 
 fake_service.py SOCKET [TCP_PORT_FILE]; what it was told goes to SOCKET.log, a line of JSON each. The file SOCKET.mode
-changes what it does: refuse, hang, garbage, huge, cut, torn, failed, evil.
+changes what it does: refuse, hang, stalled, garbage, other, huge, cut, torn, failed,
+evil.
 """
 import json
 import os
@@ -93,6 +94,12 @@ class Handler(BaseHTTPRequestHandler):
             return True
         mode = self.mode()
         if mode == "hang":
+            time.sleep(60)
+        elif mode == "other":
+            self.send(200, b"[1]\n", "application/json")
+        elif mode == "stalled":
+            self.wfile.write(b"HTTP/1.1 200 OK\r\nContent-Length: 100\r\n\r\nabc")
+            self.wfile.flush()
             time.sleep(60)
         elif mode == "garbage":
             self.send(200, b"<html>another program</html>", "text/html")

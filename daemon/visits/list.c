@@ -40,8 +40,8 @@ static void key_of(char out[NAME_LENGTH + 1], const char *text)
         out[n - 1] = 0;
 }
 
-/* Order of a visit's time and the moment, second, minute or day that a query names; 0: within it. Times are texts of one
- * form. */
+/* Order of a visit's time and the moment, second, minute or day that a query names; 0: within it. Times are texts of
+ * one form. */
 static int compare_time(const char *visit, const char *query)
 {
     const size_t n = strlen(query);

@@ -194,7 +194,7 @@ class Calibration:
         import os
         if os.path.isdir(path):
             path = os.path.join(path, "calibration.yaml")
-        self.path = os.fspath(path)
+        self.path = os.fsdecode(path)
         try:
             text = read_bytes(path, _MOST_BYTES).decode("utf-8-sig")
         except UnicodeDecodeError:

@@ -88,6 +88,15 @@ def _silence(why, timeout):
     return getattr(why, "strerror", None) or why
 
 
+def _umask():
+    """The process's umask, read without changing it where other threads make files."""
+    try:
+        with open("/proc/self/status", encoding="ascii", errors="replace") as f:
+            return next(int(line.split()[1], 8) for line in f if line.startswith("Umask:"))
+    except (OSError, StopIteration, ValueError):
+        return 0o077
+
+
 class Client:
     """A service.
 
@@ -174,6 +183,16 @@ class Client:
         except (ValueError, RecursionError):
             raise ServiceError(f"{self.url}{path}: the answer is not JSON; is this the address of sstd?") from None
 
+    def _object(self, path, query=None, objects=None):
+        """Answer that is an object, and has a list of objects under the name `objects`."""
+        made = self._json(path, query)
+        fits = isinstance(made, dict)
+        if fits and objects:
+            fits = isinstance(made.get(objects), list) and all(isinstance(one, dict) for one in made[objects])
+        if not fits:
+            raise ServiceError(f"{self.url}{path}: the answer has another form than sstd's; is this the address of sstd, of this version?")
+        return made
+
     def get(self, path, **query):
         """Answer of a GET as objects of JSON."""
         return self._json(path, query)
@@ -184,15 +203,15 @@ class Client:
 
     def status(self):
         """State of the service (docs/integrate/status.md): a dict."""
-        return self._json("/api/v1/status")
+        return self._object("/api/v1/status")
 
     def cameras(self):
         """The grid: state, skew and drops of each camera."""
-        return self._json("/api/v1/cameras")
+        return self._object("/api/v1/cameras", objects="cameras")
 
     def labels(self):
         """Classes: list of dicts with label, name, colour, share."""
-        return self._json("/api/v1/labels")["labels"]
+        return self._object("/api/v1/labels", objects="labels")["labels"]
 
     def _lines(self, answer, path):
         with answer:
@@ -209,9 +228,12 @@ class Client:
                     raise ServiceError(f"{self.url}{path}: a line is larger than {_MOST_LINE} bytes")
                 if line.strip():
                     try:
-                        yield json.loads(line)
-                    except ValueError:
-                        raise ServiceError(f"{self.url}{path}: a line is not JSON") from None
+                        event = json.loads(line)
+                    except (ValueError, RecursionError):
+                        event = None
+                    if not isinstance(event, dict):
+                        raise ServiceError(f"{self.url}{path}: a line is no object of JSON")
+                    yield event
 
     def events(self, after=0, limit=100000):
         """Events that the service keeps, the oldest first: a list of at most `limit` dicts with id, time, level, type, message, data."""
@@ -239,10 +261,11 @@ class Client:
         """Visits on disk, the newest first: a list of at most `limit` dicts. since, until: times like "2026-11-21T18:00:00Z"."""
         made, before = [], None
         while len(made) < limit:
-            page = self._json("/api/v1/visits", {"from": since, "to": until, "label": label, "zone": zone, "before": before,
-                                                 "reviewed": None if reviewed is None else str(bool(reviewed)).lower(), "limit": min(limit - len(made), 100)})
+            page = self._object("/api/v1/visits", {"from": since, "to": until, "label": label, "zone": zone, "before": before,
+                                                   "reviewed": None if reviewed is None else str(bool(reviewed)).lower(), "limit": min(limit - len(made), 100)},
+                                objects="visits")
             made += page["visits"]
-            if not page.get("more") or not page["visits"]:
+            if not page.get("more") or not page["visits"] or page["visits"][-1].get("visit") in (None, before):
                 break
             before = page["visits"][-1]["visit"]
         return made
@@ -271,33 +294,40 @@ class Client:
 
     def recordings(self):
         """What is stored: a dict with recordings, snapshots, exports."""
-        return self._json("/api/v1/recordings")
+        return self._object("/api/v1/recordings")
+
+    def _piece(self, answer, path):
+        try:
+            return answer.read(1 << 20)
+        except (OSError, http.client.HTTPException) as e:
+            raise ServiceError(f"{self.url}{path}: the answer ends early: {_silence(e, self.timeout)}") from None
 
     def download(self, name, path, limit=1 << 40):
         """Fetch something that is stored (NAME.tar, NAME.mkv, NAME.r0c5.mkv, NAME.mp4 ...) into a file, whole or not at all.
 
         Returns its bytes; ServiceError also where it is larger than `limit`.
         """
-        route = "/api/v1/download/" + urllib.parse.quote(name, safe="")
+        route, path = "/api/v1/download/" + urllib.parse.quote(name, safe=""), os.fsdecode(path)
+        if os.path.isdir(path):
+            raise IsADirectoryError(f"{path} is a folder; name a file to write")
         answer = self._open(route)
         total, expected = 0, answer.headers.get("Content-Length")
         with tempfile.NamedTemporaryFile(dir=os.path.dirname(os.path.abspath(path)), prefix=".sst-", delete=False) as f:
             try:
                 with answer:
-                    while piece := answer.read(1 << 20):
+                    while piece := self._piece(answer, route):
                         total += len(piece)
                         if total > limit:
                             raise ServiceError(f"{self.url}{route}: it is larger than {limit} bytes")
                         f.write(piece)
-                if expected and int(expected) != total:
+                if expected and expected != str(total):
                     raise ServiceError(f"{self.url}{route}: {total} of {expected} bytes came")
                 f.flush()
+                os.fchmod(f.fileno(), 0o666 & ~_umask())
                 os.fsync(f.fileno())
                 os.replace(f.name, path)
-            except BaseException as e:
+            except BaseException:
                 os.unlink(f.name)
-                if isinstance(e, http.client.HTTPException):
-                    raise ServiceError(f"{self.url}{route}: the answer ends early: {e}") from None
                 raise
         return total
 

@@ -19,7 +19,7 @@ def absent(path, kind, file):
 
 def read_bytes(path, limit):
     """Bytes of a regular file of at most `limit` bytes. Raises FileNotFoundError, OSError, FormatError (too large, no file)."""
-    path = os.fspath(path)
+    path = os.fsdecode(path)
     if not os.path.exists(path):
         raise FileNotFoundError(f"{path} does not exist")
     if not os.path.isfile(path):

@@ -22,7 +22,7 @@ def open(path):  # noqa: A001
 
     Returns Lattice or Posed. Raises FileNotFoundError (no light field), FormatError (damaged, or newer than this reader).
     """
-    path = os.fspath(path)
+    path = os.fsdecode(path)
     name = os.path.join(path, "lightfield.json")
     if not os.path.exists(name):
         raise absent(path, "light field", "lightfield.json")

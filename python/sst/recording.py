@@ -162,7 +162,7 @@ class Recording:
 
     def __init__(self, path):
         """Open the recording in a folder and index its manifest. Raises FileNotFoundError, FormatError."""
-        self.path = os.fspath(path)
+        self.path = os.fsdecode(path)
         name = os.path.join(self.path, "recording.json")
         if not os.path.exists(name):
             raise absent(path, "recording", "recording.json")

@@ -315,7 +315,10 @@ def check_client():
         assert len(client.events()) == 30 and [e["id"] for e in client.events(after=25)] == [26, 27, 28, 29, 30]
         assert len(client.events(limit=7)) == 7
         assert [e["id"] for e in client.follow(after=0)][-1] == 32
-        assert client.download("2026-11-21T18-04-00Z.tar", "all.tar") == os.path.getsize("all.tar")
+        assert client.download("2026-11-21T18-04-00Z.tar", b"all.tar") == os.path.getsize("all.tar")
+        umask = os.umask(0o027)
+        os.umask(umask)
+        assert os.stat("all.tar").st_mode & 0o777 == 0o666 & ~umask, oct(os.stat("all.tar").st_mode)
         refused("there is no /api/v1/visits", client.visits)
         refused("cannot be read as a picture", client.snapshot, "r0c5")  # the fake's pictures are none
     try:
@@ -333,8 +336,17 @@ def check_client():
         with open(socket + ".mode", "w", encoding="utf8") as f:
             f.write(mode)
         refused(words, sst.Client("unix:" + socket, timeout=0.5).status, kind=sst.ServiceError)
+    with open(socket + ".mode", "w", encoding="utf8") as f:
+        f.write("other")
+    other = sst.Client("unix:" + socket)
+    for ask in (other.status, other.cameras, other.labels, other.events, other.visits, other.recordings):
+        refused("no object of JSON" if ask == other.events else "another form", ask, kind=sst.ServiceError)
+    with open(socket + ".mode", "w", encoding="utf8") as f:
+        f.write("stalled")
+    refused("ends early: no answer within 0.5 s", sst.Client("unix:" + socket, timeout=0.5).download, "all.tar", "stalled.tar", kind=sst.ServiceError)
+    refused("is a folder", other.download, "all.tar", ".", kind=IsADirectoryError)
     os.unlink(socket + ".mode")
-    assert not [f for f in os.listdir(".") if f.startswith(".sst-")]
+    assert not os.path.exists("stalled.tar") and not [f for f in os.listdir(".") if f.startswith(".sst-")]
 
 
 for part in sys.argv[2].split(","):
