@@ -627,6 +627,35 @@ bool sst_path_is_inside(const char *inner, const char *outer)
     return inside;
 }
 
+/* Name without links, of what may be absent in a folder that exists. @return false: no such folder, or too long */
+static bool resolve(char out[SST_PATH_MAX], const char *path)
+{
+    size_t n = strlen(path);
+    char *real = realpath(path, NULL), parent[SST_PATH_MAX];
+    const char *slash, *name = "";
+
+    if (!real && n < sizeof(parent)) {
+        memcpy(parent, path, n + 1);
+        while (n > 1 && parent[n - 1] == '/')
+            parent[--n] = 0;
+        slash = strrchr(parent, '/');
+        name = path + (slash ? slash + 1 - parent : 0);
+        n = strcspn(name, "/");
+        parent[name - path] = 0;
+        real = realpath(*parent ? parent : ".", NULL);
+    }
+    n = real ? (size_t)snprintf(out, SST_PATH_MAX, "%s%s%.*s", real, *name ? "/" : "", (int)n, name) : SST_PATH_MAX;
+    free(real);
+    return n < SST_PATH_MAX;
+}
+
+bool sst_path_is_same(const char *a, const char *b)
+{
+    char x[SST_PATH_MAX], y[SST_PATH_MAX];
+
+    return !strcmp(a, b) || (resolve(x, a) && resolve(y, b) && !strcmp(x, y));
+}
+
 static bool is_empty(const char *dir)
 {
     DIR *d = opendir(dir);

@@ -107,6 +107,9 @@ SST_MUST_CHECK int sst_path_check_new(const char *path, bool file);
 /** Whether the first lies in the second, or is it; links are followed. False where one does not exist. */
 bool sst_path_is_inside(const char *inner, const char *outer);
 
+/** Whether two names are of one file or folder, which need not exist yet: "a.png", "./a.png"; links are followed. */
+bool sst_path_is_same(const char *a, const char *b);
+
 /** Refuse a file to write that is this input, or a view or map of a light field that is. @return 0, -EINVAL, logged */
 SST_MUST_CHECK int sst_path_check_keeps(const char *path, const char *input);
 

@@ -293,7 +293,7 @@ static int check_outputs(const struct cli_command *cmd, const struct cli_option 
             return cli_exit_code(err);
         for (size_t k = 0; path && k < i; k++) {
             if ((options[i].type == CLI_FILE || options[k].type == CLI_FILE) && output_of(&options[k]) &&
-                !strcmp(path, output_of(&options[k])))
+                sst_path_is_same(path, output_of(&options[k])))
                 return cli_usage_error(cmd, "--%s and --%s are both %s", options[k].name, options[i].name, path);
         }
     }

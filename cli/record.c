@@ -276,10 +276,16 @@ static int check(const struct cli_command *cmd, const struct args *a, const char
         return cli_usage_error(cmd, "--camera belongs to download, not to %s", action);
     if (downloads && !a->output)
         return cli_usage_error(cmd, "missing -o FILE.mkv (video), FILE.tar (all of it) or FILE.jpg (picture)");
+    if (downloads && !sst_text_ends(a->output, ".mkv") && !sst_text_ends(a->output, ".tar") &&
+        !sst_text_ends(a->output, ".jpg"))
+        return cli_usage_error(cmd, "-o %s ends neither in .mkv (video) nor in .tar (all of it) nor in .jpg (picture)",
+                               a->output);
     if (downloads && a->camera &&
         (!is_name(a->camera) || sst_text_ends(a->output, ".tar") || sst_text_ends(a->output, ".jpg")))
         return cli_usage_error(cmd, "--camera r0c5 needs -o FILE.mkv, the video of that camera");
-    if (exports && !a->time == !(a->ago_s >= 0))
+    if (exports && a->time && a->ago_s >= 0)
+        return cli_usage_error(cmd, "--time and --ago both name a moment; use one of them");
+    if (exports && !a->time && a->ago_s < 0)
         return cli_usage_error(cmd, "missing the moment: --time 2026-11-21T18:05:00Z, or --ago 30 (seconds)");
     if (a->time && strlen(a->time) > 35)
         return cli_usage_error(cmd, "--time %.40s... is not a time; write 2026-11-21T18:05:00Z", a->time);

@@ -118,6 +118,22 @@ static int check_names(const struct inputs *in, const char *dir)
     return err;
 }
 
+/* Results of one image: each is a file of its own. */
+static int check_apart(const struct options *o)
+{
+    const char *const files[] = { o->output, o->prob, o->entropy };
+
+    for (size_t i = 1; i < ARRAY_LEN(files); i++) {
+        for (size_t k = 0; k < i; k++) {
+            if (files[i] && files[k] && sst_path_is_same(files[i], files[k])) {
+                sst_log_error("%s would be written twice; name a file for each of -o, --prob and --entropy", files[i]);
+                return -EINVAL;
+            }
+        }
+    }
+    return 0;
+}
+
 static int find_inputs(struct inputs *in, const char *const *args, const struct options *o)
 {
     int err = 0;
@@ -136,7 +152,7 @@ static int find_inputs(struct inputs *in, const char *const *args, const struct 
         for (size_t i = 0; i < ARRAY_LEN(folders) && !err; i++)
             err = folders[i] ? sst_path_make_dir(folders[i]) : 0;
     }
-    return err;
+    return err || in->batch ? err : check_apart(o);
 }
 
 /* --- one image ------------------------------------------------------------------------------------ */

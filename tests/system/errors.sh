@@ -68,6 +68,8 @@ for output in "segment photo.png -o photo.png" "segment photo.png -o lf/../photo
   want 2 "would be replaced, which is read from; choose another output" $output
 done
 want 2 "--output and --valid are both bad.png" render lf --method refocus --focus 1 -o bad.png --valid bad.png
+want 2 "--output and --valid are both ../.*bad.png" render lf --method refocus --focus 1 -o bad.png --valid "../$(basename "$PWD")/./bad.png"
+want 2 "bad.png would be written twice" segment lf/views/00_00.png -o bad.png --entropy ./bad.png
 state . | grep -v ' ./\(out\|err\|before\)$' | diff - <(grep -v ' ./\(out\|err\|before\)$' before) || fail "an input was changed"
 "$sst" render lf --method refocus --focus 1 -o lf/seen.png -q >out || fail "a picture in a light field"
 "$sst" render lf --method refocus --focus 1 -o lf/seen.png -q >out || fail "a picture in a light field again"

@@ -87,6 +87,8 @@ told "r['body'] == {'name': 'snapshot-2026-11-21T18-04-30Z'}"
 want 2 'delete needs a NAME' record delete
 want 2 'delete needs a NAME' record delete ../token
 want 2 'missing -o' record download 2026-11-21T18-04-00Z
+want 2 'x.avi ends neither in .mkv' record download 2026-11-21T18-04-00Z -o x.avi
+want 2 '.-time and --ago both' record export --time 2026-11-21T18:04:00Z --ago 5
 want 2 'needs -o FILE.mkv' record download 2026-11-21T18-04-00Z --camera r0c5 -o bad.tar
 want 2 'takes no name' record start now
 see record export --time 2026-11-21T18:05:00Z --recording R -o then.tar
