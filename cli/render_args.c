@@ -247,8 +247,9 @@ static int check_maps(const struct render_input *in, const struct render_args *a
 {
     for (int i = 0; i < in->lf.rows * in->lf.cols && a->cfg.method != SST_RENDER_REFOCUS; i++) {
         if (in->lf.views[i].present && !in->lf.views[i].disp.data) {
-            sst_log_error("%s has no disparity map of view %d; run `sst process %s` first, or add --method refocus",
-                          in->path, i, in->path);
+            sst_log_error("%s has no disparity map of view %02d_%02d; run `sst process %s` first, or add "
+                          "--method refocus",
+                          in->path, i / in->lf.cols, i % in->lf.cols, in->path);
             return CLI_INPUT;
         }
     }

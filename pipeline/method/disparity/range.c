@@ -218,7 +218,14 @@ int sst_disparity_range(const struct sst_lightfield *lf, const struct sst_dispar
             last = i;
     }
     if (total < 100 || first < 0) {
-        sst_log_error("cannot estimate the disparity range from these views; set --range-min and --range-max");
+        int views = 0;
+
+        for (int k = 0; k < lf->rows * lf->cols; k++)
+            views += lf->views[k].present;
+        if (views < 2)
+            sst_log_error("disparity needs two neighbouring views; this light field has %d in all", views);
+        else
+            sst_log_error("cannot estimate the disparity range from these views; set --range-min and --range-max");
         return -ENODATA;
     }
     /* One reduced pixel of margin: half a bin for the histogram's resolution, the rest for the pixels that were cut
