@@ -144,6 +144,7 @@ static void on_signal(int sig)
 int sst_file_clean_on_interrupt(void)
 {
     const struct sigaction act = { .sa_handler = on_signal, .sa_flags = SA_RESTART };
+    struct sigaction hangup;
     pthread_t thread;
     sigset_t all, before;
     int err = sem_init(&interrupted, 0, 0) ? errno : 0;
@@ -160,6 +161,8 @@ int sst_file_clean_on_interrupt(void)
     pthread_detach(thread);
     sigaction(SIGINT, &act, NULL);
     sigaction(SIGTERM, &act, NULL);
+    if (!sigaction(SIGHUP, NULL, &hangup) && hangup.sa_handler != SIG_IGN) /* as nohup sets it */
+        sigaction(SIGHUP, &act, NULL);
     return 0;
 }
 

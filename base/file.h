@@ -144,8 +144,8 @@ SST_MUST_CHECK int sst_path_copy_tree(const char *from, const char *to);
 SST_MUST_CHECK int sst_path_swap(const char *fresh, const char *path);
 
 /**
- * From now on SIGINT and SIGTERM remove all uncommitted output and end the process with status 128 + signal; threads
- * with output that fails meanwhile wait for the end. Call it once, before other threads start.
+ * From now on SIGINT, SIGTERM and SIGHUP, unless that is ignored, remove all uncommitted output and end the process with
+ * status 128 + signal; threads with output that fails meanwhile wait for the end. Call it once, before other threads start.
  *
  * @return 0, or a negative errno if its thread cannot be started; logged.
  */

@@ -249,6 +249,11 @@ if [ ! -e /usr/local/share/sst/models ]; then
 fi
 [ "$(ls small)" = "$(printf 'lightfield.json\ntruth\nviews')" ] || fail "a process that failed left something in small"
 
+# A light field of one view: nothing that options would mend.
+mkdir single && cp lf/views/00_00.png single/00_00.png && "$sst" import folder single --grid 1x1 -o single.lf -q >/dev/null || fail "import of one view"
+want 3 "two neighbouring views; this light field has 1 in all" process single.lf --no-labels
+want 3 "no disparity map of view 00_00" render single.lf -o bad.png
+
 # --- outputs that cannot be: exit 4 ---
 want 4 "none" scene bush --size 20x20 -o none/bad
 want 4 "none" render good --focus 4 -o none/bad.png
@@ -316,6 +321,21 @@ kill -INT $pid 2>/dev/null
 ended $pid "an interrupted process"
 rc=$?
 [ $rc -eq 130 ] || [ $rc -eq 0 ] || fail "interrupted: exit $rc, not 130"
+
+# A terminal that is closed; nohup goes on.
+hangs_up() { # COMMAND: as soon as its folder is begun
+  "$@" scene pedestrian -o hung.lf --size 160x120 --threads 1 -q >/dev/null 2>err &
+  pid=$!
+  for _ in $(seq 6000); do [ -n "$(find . -maxdepth 1 -name 'hung.lf*')" ] && break; sleep 0.01; done
+  kill -HUP $pid 2>/dev/null
+  ended $pid "a command whose terminal is closed"
+}
+hangs_up env --default-signal=HUP "$sst"
+rc=$?
+[ $rc -eq 129 ] || [ $rc -eq 0 ] || fail "a terminal that is closed: exit $rc, not 129"
+[ -z "$(find . -name '*.tmp-*')" ] || fail "a terminal that is closed: left $(find . -name '*.tmp-*')"
+rm -rf hung.lf
+hangs_up env --ignore-signal=HUP "$sst" && [ -d hung.lf ] || fail "nohup: ended with $?, $(cat err)"
 
 [ "$failed" -eq 0 ] && echo "faults are named, nothing is lost"
 exit "$failed"
