@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/stats.h"
 #include "base/thread.h"
 
 #define GAUSS_REACH 3 /* standard deviations of the smoothing that are summed */
@@ -102,13 +103,6 @@ static int window_row(void *arg, int y, int worker SST_UNUSED)
     return 0;
 }
 
-static int compare_floats(const void *a, const void *b)
-{
-    const float x = *(const float *)a, y = *(const float *)b;
-
-    return (x > y) - (x < y);
-}
-
 /* Median of a map where `where` is not NAN. @return NAN: none, or no memory (err) */
 static double median_of(const struct sst_map_f32 *map, const struct sst_map_f32 *where, int *err)
 {
@@ -126,9 +120,7 @@ static double median_of(const struct sst_map_f32 *map, const struct sst_map_f32 
                 v[n++] = sst_map_f32_row(map, y)[x];
         }
     }
-    if (n)
-        qsort(v, n, sizeof(*v), compare_floats);
-    median = n ? (double)v[n / 2] : (double)NAN;
+    median = n ? (double)sst_stats_upper_median_float(v, (int)n) : (double)NAN;
     free(v);
     return median;
 }

@@ -247,6 +247,12 @@ static int see(struct sharp *s)
     return err;
 }
 
+/* A score where the view looks, else 0: fmaxf() would be a call. */
+static inline float shown(float score)
+{
+    return score > 0 ? score : 0;
+}
+
 /* Mean of the other views where it stands out; 0 elsewhere. */
 static int template_of(struct sst_map_f32 *out, const struct sharp *s, int k)
 {
@@ -260,7 +266,7 @@ static int template_of(struct sst_map_f32 *out, const struct sharp *s, int k)
         for (int x = 0; x < out->width; x++) {
             const int others = sst_map_u16_row(&s->count, y)[x] - (own[x] >= 0);
 
-            row[x] = others < s->least ? -1 : (sst_map_f32_row(&s->total, y)[x] - fmaxf(own[x], 0)) / (float)others;
+            row[x] = others < s->least ? -1 : (sst_map_f32_row(&s->total, y)[x] - shown(own[x])) / (float)others;
             if (row[x] >= 0) {
                 sum += (double)row[x];
                 square += (double)row[x] * (double)row[x];
@@ -270,8 +276,10 @@ static int template_of(struct sst_map_f32 *out, const struct sharp *s, int k)
     }
     from = n > 0 ? sum / n + sqrt(fmax(square / n - sum / n * (sum / n), 0)) : 0;
     for (int y = 0; !err && y < out->height; y++) {
+        float *row = sst_map_f32_row(out, y);
+
         for (int x = 0; x < out->width; x++)
-            sst_map_f32_row(out, y)[x] = fmaxf(sst_map_f32_row(out, y)[x] - (float)from, 0);
+            row[x] = shown(row[x] - (float)from);
     }
     return err;
 }
@@ -287,11 +295,11 @@ static void correlate(double *out, const struct sst_map_f32 *with, const struct 
             const float t = sst_map_f32_row(with, y)[x];
 
             for (int dy = -reach; dy <= reach && t > 0; dy++) {
-                const float *row = sst_map_f32_row(own, y + dy) + x - reach;
-                double *to = out + (size_t)(dy + reach) * (size_t)side;
+                const float *restrict row = sst_map_f32_row(own, y + dy) + x - reach;
+                double *restrict to = out + (size_t)(dy + reach) * (size_t)side;
 
                 for (int i = 0; i < side; i++)
-                    to[i] += (double)(t * fmaxf(row[i], 0));
+                    to[i] += (double)(t * shown(row[i]));
             }
         }
     }
@@ -393,7 +401,7 @@ static int register_view(void *arg, int k, int worker SST_UNUSED)
     for (int y = 0; y < with.height; y++) {
         for (int x = 0; x < with.width; x++) {
             const double t = (double)sst_map_f32_row(&with, y)[x],
-                         v = fmax((double)sst_map_f32_row(&s->seen[k], y)[x], 0);
+                         v = (double)shown(sst_map_f32_row(&s->seen[k], y)[x]);
 
             norm += t * t;
             own += v * v;
@@ -459,7 +467,7 @@ static void products(double sum[TILES * TILES], const struct sst_map_f32 *with, 
     for (int y = 0; y < with->height; y++) {
         for (int x = 0; x < with->width; x++)
             sum[y * TILES / with->height * TILES + x * TILES / with->width] +=
-                (double)(sst_map_f32_row(with, y)[x] * fmaxf(sst_map_f32_row(own, y)[x], 0));
+                (double)(sst_map_f32_row(with, y)[x] * shown(sst_map_f32_row(own, y)[x]));
     }
 }
 
