@@ -207,6 +207,11 @@ bool sst_path_is_dir(const char *path)
     return !stat(path, &st) && S_ISDIR(st.st_mode);
 }
 
+bool sst_path_is_denied(const char *path)
+{
+    return access(path, R_OK) && errno == EACCES;
+}
+
 const char *sst_file_line(char *out, size_t size, const char *path)
 {
     FILE *f = fopen(path, "re");

@@ -22,6 +22,8 @@ SST_MUST_CHECK int sst_path_beside_program(char out[SST_PATH_MAX], const char *b
 
 bool sst_path_exists(const char *path);
 bool sst_path_is_dir(const char *path);
+/** True for a path that the rights of its folder, or its own, keep from being read. */
+bool sst_path_is_denied(const char *path);
 
 /** Create a folder; an existing one is fine. @return 0 or an error as of sst_outfile_open(), logged. */
 SST_MUST_CHECK int sst_path_make_dir(const char *path);

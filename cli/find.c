@@ -508,6 +508,14 @@ static int search(const struct cli_command *cmd, struct search *s)
     return cli_exit_code(err == -ENODATA || err == -EINVAL ? -EBADMSG : err);
 }
 
+/* A light field that cannot be read: its loading says why. */
+static bool is_denied(const char *dir)
+{
+    char path[SST_PATH_MAX];
+
+    return !sst_path_join(path, dir, "lightfield.json") && sst_path_is_denied(path);
+}
+
 /* Light fields with poses; the middle one's view and ground are used. */
 static int check_paths(struct search *s)
 {
@@ -518,7 +526,7 @@ static int check_paths(struct search *s)
             sst_log_error("%s: there is no such folder", s->paths[n]);
             return CLI_INPUT;
         }
-        if (!sst_posed_is(s->paths[n])) {
+        if (!sst_posed_is(s->paths[n]) && !is_denied(s->paths[n])) {
             sst_log_error("%s is no light field with a pose for every view; `sst import poses` or `pictures` makes one",
                           s->paths[n]);
             return CLI_INPUT;

@@ -19,7 +19,8 @@ struct find_moments {
  * Several light fields are a moment each: load them and check that they are of one world, before a surface is sought.
  *
  * @param m     zeroed; to be closed also after a failure
- * @param path  NULL at the end; one light field alone is left to cli_find_moments_open()
+ * @param path  NULL at the end; one light field alone is left to cli_find_moments_open(), with a warning where its
+ * moments have too few views
  * @return exit code, CLI_GO_ON; errors are logged
  */
 int cli_find_moments_load(struct find_moments *m, const char *const *path);

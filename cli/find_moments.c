@@ -5,6 +5,7 @@
 
 #include <errno.h>
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "base/log.h"
@@ -178,9 +179,39 @@ static void set_times(struct find_moments *m, double interval_s)
     }
 }
 
+/* Says that a light field is searched as one set although it has moments, before the ground is sought. */
+static int check_single(const char *path)
+{
+    struct sst_posed posed;
+    int *placed, moments = 0, of_two = 0, err = sst_posed_load(&posed, path);
+
+    if (err)
+        return err;
+    placed = calloc((size_t)posed.count, sizeof(*placed));
+    for (int k = 0; placed && k < posed.count; k++) {
+        int first = 0;
+
+        while (posed.view[first].moment != posed.view[k].moment)
+            first++;
+        moments += first == k;
+        placed[first] += posed.view[k].camera.known;
+        of_two += first != k && posed.view[k].camera.known && placed[first] == 2;
+    }
+    if (placed && moments > 1 && of_two < 2)
+        sst_log_warning("%s: %d of its %d moments %s two placed views; all views are searched as one set, in which persons "
+                        "who walk are blurred",
+                        path, of_two, moments, of_two ? "alone has" : "have");
+    err = placed ? 0 : -ENOMEM;
+    if (err)
+        sst_log_error("%s: not enough memory", path);
+    free(placed);
+    sst_posed_fini(&posed);
+    return err;
+}
+
 int cli_find_moments_load(struct find_moments *m, const char *const *path)
 {
-    const int err = path[1] ? load(m, path) : 0;
+    const int err = path[1] ? load(m, path) : check_single(path[0]);
 
     return err ? cli_exit_code(err) : CLI_GO_ON;
 }

@@ -15,6 +15,7 @@
 #define METRE_MM   1000.0
 #define MOST_LF    256 /* on one command line */
 #define FOCAL_VAGUE 0.05 /* doubt of a focal length that was found, of which users are warned */
+#define FOUND_FOCAL "focal length "
 #define FOCAL_MISS 0.1 /* of the focal length: searches with narrow lenses are a few percent off */
 #define WIDEST     110.0 /* degrees across the width of a plausible lens that is no fisheye */
 
@@ -177,11 +178,27 @@ static void run_fini(struct poses_run *run)
     free(run->origin);
 }
 
+/* Doubt of a focal length that an earlier run has searched, which the views have kept: it stands in the history. */
+static void recall_doubt(struct poses_run *run, int i)
+{
+    struct sst_posed_solved *r = &run->solved[i];
+    const char *at = run->origin[i];
+
+    while (!(r->focal_doubt > 0) && (at = strstr(at, FOUND_FOCAL))) {
+        double focal_px = 0, percent = 0;
+
+        at += strlen(FOUND_FOCAL);
+        if (sscanf(at, "%lf px found +- %lf", &focal_px, &percent) == 2 && fabs(focal_px - r->focal_px) < 0.1)
+            r->focal_doubt = percent / 100;
+    }
+}
+
 static int save(struct poses_run *run, int i)
 {
     char *history = run->posed[i].history;
     int err;
 
+    recall_doubt(run, i);
     if (run->given[i] && run->origin[i][0]) { /* the older the origin, the sooner it is cut */
         sst_text_add(history, sizeof(run->posed[i].history), "; before: %s", run->origin[i]);
         sst_text_make_utf8(history);

@@ -256,7 +256,7 @@ int sst_lightfield_shared_load(struct sst_share *share, struct sst_lightfield *l
 
     if (err)
         return err;
-    if (!sst_path_exists(path)) {
+    if (!sst_path_exists(path) && !sst_path_is_denied(path)) {
         sst_log_error("%s is not a light field: %s; make one with `sst import` or `sst scene`", dir,
                       sst_path_is_dir(dir)   ? "it has no lightfield.json"
                       : sst_path_exists(dir) ? "it is not a folder"

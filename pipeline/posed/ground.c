@@ -254,8 +254,15 @@ int sst_posed_ground(struct sst_posed_ground *out, const struct sst_posed *posed
     struct search s = { .camera = camera, .canceled = cfg->canceled };
     struct greys greys = { .step = step };
     double range[2];
-    int view[VIEWS], err = limits(range, posed, camera, cfg);
+    const int placed = sst_posed_placed(posed);
+    int view[VIEWS], err;
 
+    if (placed < 3) {
+        sst_log_error("%s: the ground is found by three placed views at least; there %s; give --surface plane:Z", dir,
+                      placed == 1 ? "is 1" : placed ? "are 2" : "is none");
+        return -ENODATA;
+    }
+    err = limits(range, posed, camera, cfg);
     if (err)
         return err;
     g.views = greys_choose(view, VIEWS, posed, camera, sqrt(range[0] * range[1]));
@@ -264,7 +271,9 @@ int sst_posed_ground(struct sst_posed_ground *out, const struct sst_posed *posed
         return -ENOMEM;
     }
     if (g.views < 3) {
-        sst_log_error("%s: the ground is found where at least three placed views see it; there are %d", dir, g.views);
+        sst_log_error("%s: the ground is found where at least three placed views see it; there are %d; give --surface "
+                      "plane:Z, or other --near and --far",
+                      dir, g.views);
         return -ENODATA;
     }
     choose_axes(&s, posed);

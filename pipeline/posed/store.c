@@ -211,7 +211,7 @@ int sst_posed_load(struct sst_posed *posed, const char *dir)
 
     if (err)
         return err;
-    if (!sst_path_exists(path)) {
+    if (!sst_path_exists(path) && !sst_path_is_denied(path)) {
         sst_log_error("%s is not a light field: %s; make one with `sst import poses` or `sst import pictures`", dir,
                       sst_path_is_dir(dir)   ? "it has no lightfield.json"
                       : sst_path_exists(dir) ? "it is not a folder"

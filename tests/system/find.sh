@@ -63,12 +63,30 @@ refused() { # exit code, words of the sentence, arguments
   [ $r -eq "$code" ] && [ "$(grep -c error: err)" -eq 1 ] && grep -q "$words" err || fail "find $*: $r, $(cat err)"
 }
 refused 2 "exclude each other" flight --threshold 5 --alarms 2
-refused 3 "channels: one is grey" walk flight --surface plane:35
+refused 3 "channels: one is grey" flight walk --surface plane:35
 # Light fields that do not go together are refused before the ground is sought, which these would fail.
 "$sst" scene flight -o small --size 64x48 --grid 1x2 -q >out 2>err || fail "scene: $(cat err)"
 refused 3 "no moments of one world" small walk
 refused 3 "walk has several moments itself" walk small
 refused 3 "small is named twice" small ./small
+# A moment of poses in other axes; a light field whose moments have one view each; one that may not be read.
+cp -r small far && cp -r small single || fail "no copies"
+"$python" - <<'PY'
+import json
+for name in "far", "single":
+    lf = json.load(open(f"{name}/lightfield.json"))
+    for k, v in enumerate(lf["views"]):
+        if name == "far":
+            v["position_mm"][0] += 1e9
+        else:
+            v["moment"] = k + 1
+    json.dump(lf, open(f"{name}/lightfield.json", "w"))
+PY
+refused 3 "shows nothing of the ground" small far --surface plane:35
+refused 3 "three placed views at least; there are 2" single
+grep -q "warning: .*0 of its 2 moments have two placed views" err || fail "moments of one view: $(cat err)"
+chmod 0 far/lightfield.json
+if [ "$(id -u)" -ne 0 ]; then refused 3 "Permission denied" far; fi
 refused 2 "not below" flight --least 3 --most 1
 refused 2 "neither ground" flight --surface hill
 refused 2 "is neither nadir nor a view" flight --view gone --surface plane:35

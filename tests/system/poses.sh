@@ -42,6 +42,8 @@ grep -q "these replace 5 given poses (found 5 of 5" out && grep -q "focal length
 grep -q '"history": "found 5 of 5.*; before: found 5 of 5' forest/lightfield.json || fail "history: $(grep history forest/lightfield.json)"
 "$sst" poses forest --spacing 500 --focal 0 >out 2>err || fail "third: $(cat err)"
 grep -q "focal length [0-9.]* px +- [0-9.]* %" out && grep -q "hardly fix the focal length" out || fail "doubt of the focal length: $(cat out)"
+"$sst" poses forest --spacing 500 >out 2>err || fail "fourth: $(cat err)"
+grep -q "focal length [0-9.]* px +- [0-9.]* %" out || fail "the doubt of a kept focal length is forgotten: $(cat out)"
 grep -q "focal length may be wrong" out && fail "--focal 0 keeps the focal length: $(cat out)"
 
 # --- points with their tracks, as COLMAP reads them

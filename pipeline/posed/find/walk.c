@@ -3,6 +3,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -312,7 +313,10 @@ static int score_sums(struct walk *w)
     const double cells = measure(w);
     int err = sst_map_f32_init(&w->out->score, w->ground.width, w->ground.height);
 
-    if (!err && !(w->spread > 0)) {
+    if (!err && !(cells > 0)) {
+        sst_log_error("no place of the ground is seen by half of the moments; search those that look at the same place");
+        err = -ENODATA;
+    } else if (!err && !(w->spread > 0)) {
         sst_log_error("the scores of the moments are equal everywhere, so that nothing stands out");
         err = -ENODATA;
     }
@@ -684,6 +688,45 @@ static int check(const struct sst_find_scene scene[], int count, const struct ss
     return -EINVAL;
 }
 
+/* "LF", or "moment 3 of LF" */
+static const char *name_of(char text[300], const struct walk *w, int m)
+{
+    const struct find_search *s = &w->moment[m];
+
+    if (strcmp(s->dir, w->moment[m ? 0 : 1].dir))
+        snprintf(text, 300, "%s", s->dir);
+    else
+        snprintf(text, 300, "moment %d of %s", s->posed->view[0].moment, s->dir);
+    return text;
+}
+
+/* Moments that show nothing of the ground in the picture add nothing. @return -ENODATA: one alone shows some; logged */
+static int check_cover(const struct walk *w)
+{
+    char first[300], middle[300];
+    int without = -1, n = 0;
+
+    for (int m = w->count - 1; m >= 0; m--) {
+        if (!(w->moment[m].maps->hectares > 0)) {
+            without = m;
+            n++;
+        }
+    }
+    if (!n)
+        return 0;
+    name_of(first, w, without);
+    name_of(middle, w, w->middle);
+    if (w->count - n > 1) {
+        sst_log_warning("%s shows nothing of the ground in the picture of %s, and %d of %d moments do not; they add nothing",
+                        first, middle, n, w->count);
+        return 0;
+    }
+    sst_log_error("%s shows nothing of the ground in the picture of %s; moments that are searched together have poses in "
+                  "the same axes and look at the same place: import them as one light field by --moments, or search each alone",
+                  first, middle);
+    return -ENODATA;
+}
+
 static int sum_moments(struct walk *w)
 {
     int err = lay_ground(w);
@@ -733,6 +776,7 @@ int sst_posed_find_walkers(struct sst_finds *out, const struct sst_find_scene sc
     }
     for (int m = 0; m < count && !err; m++)
         err = find_maps(&w.moment[m]);
+    err = err ? err : check_cover(&w);
     out->channels = out->each[w.middle].channels;
     err = err ? err : sum_moments(&w);
     err = err ? err : score_sums(&w);

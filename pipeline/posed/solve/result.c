@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "base/stats.h"
+#include "base/text.h"
 #include "pipeline/posed/solve/solve_internal.h"
 
 #define UNIT_MM     1000.0 /* of a light field without a scale: the mean distance of neighbours */
@@ -368,10 +369,12 @@ static int find_doubtful(const struct poses_scene *scene, struct sst_posed_solve
 static void write_history(const struct poses_scene *scene, const struct sst_posed_solve_config *cfg,
                           const struct sst_posed_solved *out)
 {
-    char lens[64] = "";
+    char lens[96] = "";
 
     if (cfg->free_lens || !scene->focal_known)
         snprintf(lens, sizeof(lens), ", focal length %.1f px found", out->focal_px);
+    if (lens[0] && out->focal_doubt > 0)
+        sst_text_add(lens, sizeof(lens), " +- %.2g %%", 100 * fmin(out->focal_doubt, 1));
     snprintf(scene->posed->history, sizeof(scene->posed->history),
              "%s %d of %d views by features%s%s: median %.3f px%s", cfg->refine ? "refined" : "found", out->placed,
              scene->views, scene->line ? " on a line" : "", cfg->one_rig ? " of one rig" : "", out->median_px, lens);
