@@ -25,7 +25,7 @@ static int lines_open(struct lines *l, const struct model *m, const char *path)
 
     if (err)
         return err;
-    *l = (struct lines){ .m = m, .text = (char *)text, .next = (char *)text };
+    *l = (struct lines){ .m = m, .text = (char *)text, .next = (char *)text + (strncmp((char *)text, "\xef\xbb\xbf", 3) ? 0 : 3) };
     return 0;
 }
 
@@ -129,7 +129,8 @@ int colmap_text_cameras(struct colmap *c, const char *path)
         camera->height = v[1];
         camera->lens = colmap_lens(lens);
         if (camera->lens < 0) {
-            sst_log_error("%s:%d: the camera model `%s` is not known", path, l.number, lens);
+            sst_log_error("%s:%d: the camera model `%s` is not known; undistort the pictures (`colmap image_undistorter`)",
+                          path, l.number, lens);
             err = -EBADMSG;
         } else if (!numbers(&l, camera->p, colmap_parameters(camera->lens)) || l.at[strspn(l.at, " \t")]) {
             sst_log_error("%s:%d: %s has %d parameters, and they are numbers", path, l.number, lens,

@@ -19,6 +19,7 @@ struct model_view {
     char path[SST_PATH_MAX];        /* of the picture, once it is found */
     int file;                       /* number of the source's file with its pose, where there are several */
     int width, height;              /* of the pictures that the lens is of; 0: unknown */
+    double angle[2];                /* across width and height, rad, of a lens that waits for the pictures' size; 0: unknown */
     struct sst_calib_camera camera; /* known: placed; fx 0: the lens is unknown; position in the source's unit */
 };
 

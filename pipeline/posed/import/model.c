@@ -100,7 +100,9 @@ const char *model_place(struct model_view *v, const double R[9], const double t[
 
 const char *model_lens(struct model_view *v, const double focal_centre[4], const double *k, int n)
 {
+    static _Thread_local char text[160];
     struct sst_calib_camera *c = &v->camera, lens;
+    const char *fault;
 
     c->fx = focal_centre[0];
     c->fy = focal_centre[1];
@@ -117,7 +119,10 @@ const char *model_lens(struct model_view *v, const double focal_centre[4], const
         .rotation = { 1, 0, 0, 0, 1, 0, 0, 0, 1 }, .gain = { 1, 1, 1 }
     };
     memcpy(lens.k, c->k, sizeof(lens.k));
-    return sst_camera_fault(&lens);
+    fault = sst_camera_fault(&lens);
+    if (fault)
+        snprintf(text, sizeof(text), "its lens: %s", fault);
+    return fault ? text : NULL;
 }
 
 int model_reserve_points(struct model *m, uint64_t count)

@@ -39,11 +39,13 @@ static const char *read_lens(struct model_view *v, const json_t *frame, const js
     if (get(frame, root, "fl_x", &lens[0])) {
         if (!get(frame, root, "fl_y", &lens[1]))
             lens[1] = lens[0];
-    } else if (get(frame, root, "camera_angle_x", &angle) && size[0] > 0 && angle > 0 && angle < pi) {
-        lens[0] = size[0] / 2 / tan(angle / 2);
-        lens[1] = get(frame, root, "camera_angle_y", &angle) && size[1] > 0 && angle > 0 && angle < pi
-                      ? size[1] / 2 / tan(angle / 2)
-                      : lens[0];
+    } else if (get(frame, root, "camera_angle_x", &angle) && angle > 0 && angle < pi) {
+        v->angle[0] = angle;
+        v->angle[1] = get(frame, root, "camera_angle_y", &angle) && angle > 0 && angle < pi ? angle : 0;
+        if (!(size[0] > 0 && size[1] > 0))
+            return NULL; /* of the NeRF paper's scenes: from the pictures' size */
+        lens[0] = size[0] / 2 / tan(v->angle[0] / 2);
+        lens[1] = v->angle[1] > 0 ? size[1] / 2 / tan(v->angle[1] / 2) : lens[0];
     } else {
         return NULL; /* from the user */
     }

@@ -135,10 +135,24 @@ static void read_place(struct model *m, const json_t *lla)
     m->up[2] = 1;
 }
 
+/* The reconstruction with most pictures, the first of these. */
+static const json_t *largest(const json_t *root)
+{
+    const json_t *most = json_array_get(root, 0);
+
+    for (size_t i = 1; i < json_array_size(root); i++) {
+        const json_t *next = json_array_get(root, i);
+
+        if (json_object_size(json_object_get(next, "shots")) > json_object_size(json_object_get(most, "shots")))
+            most = next;
+    }
+    return most;
+}
+
 static int read_root(struct model *m, const json_t *root)
 {
-    const json_t *first = json_array_get(root, 0), *shots = json_object_get(first, "shots");
-    const json_t *cameras = json_object_get(first, "cameras");
+    const json_t *most = largest(root), *shots = json_object_get(most, "shots");
+    const json_t *cameras = json_object_get(most, "cameras");
     const char *name;
     json_t *shot;
     int err = 0;
@@ -146,15 +160,16 @@ static int read_root(struct model *m, const json_t *root)
     if (!json_is_object(shots) || !json_is_object(cameras))
         return model_fault(m, "", "shots or cameras is not an object");
     if (json_array_size(root) > 1)
-        sst_log_warning("%s has %zu reconstructions; the first is used", m->path, json_array_size(root));
+        sst_log_warning("%s has %zu reconstructions; the one with most pictures, %zu, is used", m->path, json_array_size(root),
+                        json_object_size(shots));
     json_object_foreach((json_t *)shots, name, shot)
     {
         err = err ? err : read_shot(m, name, shot, cameras);
     }
-    err = err ? err : read_points(m, json_object_get(first, "points"));
+    err = err ? err : read_points(m, json_object_get(most, "points"));
     if (err)
         return err;
-    read_place(m, json_object_get(first, "reference_lla"));
+    read_place(m, json_object_get(most, "reference_lla"));
     observe(m);
     return 0;
 }

@@ -250,6 +250,17 @@ static int add_unplaced(struct model *m)
     return err;
 }
 
+/* Programs on Windows write `images\C0.png`. */
+static void mend_slashes(struct model *m)
+{
+    for (int k = 0; k < m->count; k++) {
+        char *at = strchr(m->view[k].name, '/') ? NULL : strchr(m->view[k].name, '\\');
+
+        for (; at; at = strchr(at, '\\'))
+            *at = '/';
+    }
+}
+
 int pictures_find(struct model *m, const char *path)
 {
     char dir[SST_PATH_MAX];
@@ -257,6 +268,7 @@ int pictures_find(struct model *m, const char *path)
 
     if (m->view[0].path[0]) /* the source has none of its own names */
         return 0;
+    mend_slashes(m);
     err = choose_folder(dir, m, path);
     err = err ? err : find_views(m, dir);
     return err ? err : add_unplaced(m);

@@ -15,9 +15,11 @@
 #include "pipeline/kernels/sha256.h"
 #include "pipeline/posed/import/import_internal.h"
 
+#define NAMED 3 /* damaged pictures, each by its fault */
+
 /* Properties of a picture's file. */
 struct picture {
-    bool damaged; /* a picture without a pose, which is left out */
+    char *damaged; /* the fault of a picture without a pose, which is left out; NULL: none */
     int width, height, channels, bits;
     struct sst_samples stretch; /* of 16 bits */
     uint8_t orientation;        /* EXIF's, which is not applied */
@@ -77,9 +79,8 @@ static int read_picture(struct picture *p, uint8_t **data, size_t *size, const s
         sst_log_error("%s", text);
         return err;
     }
-    sst_log_warning("%s; it has no pose, and is left out", text);
-    p->damaged = true;
-    return 0;
+    p->damaged = strdup(text);
+    return p->damaged ? 0 : -ENOMEM;
 }
 
 static int copy_view(void *arg, int k, int worker SST_UNUSED)
@@ -125,6 +126,19 @@ static int first_of(const struct model *m, const struct job *job)
     return first;
 }
 
+/* Pictures that are left out, the first ones by name. */
+static void warn_damaged(const struct model *m, const struct job *job)
+{
+    int n = 0;
+
+    for (int k = 0; k < m->count; k++) {
+        if (job->picture[k].damaged && n++ < NAMED)
+            sst_log_warning("%s; it has no pose, and is left out", job->picture[k].damaged);
+    }
+    if (n > NAMED)
+        sst_log_warning("%s: %d pictures more cannot be read and are left out", m->cfg->source, n - NAMED);
+}
+
 /* Pictures without a pose that differ from the posed ones are no views: they are removed from the model. */
 static int choose_views(struct model *m, struct job *job)
 {
@@ -133,9 +147,10 @@ static int choose_views(struct model *m, struct job *job)
     char a[64], b[64];
 
     if (first < 0) {
-        sst_log_error("%s has no picture that can be read; convert them to PNG, JPEG or TIFF", m->cfg->source);
+        sst_log_error("%s; %s has no picture that can be read", job->picture[0].damaged, m->cfg->source);
         return -EBADMSG;
     }
+    warn_damaged(m, job);
     for (int k = 0; k < m->count; k++) {
         const bool same = job->picture[k].damaged || alike(&job->picture[k], &job->picture[first]);
 
@@ -162,8 +177,10 @@ static int choose_views(struct model *m, struct job *job)
             return -EIO;
         }
         if (kept != k) {
+            free(job->picture[kept].damaged);
             m->view[kept] = m->view[k];
             job->picture[kept] = job->picture[k];
+            job->picture[k].damaged = NULL;
         }
         kept++;
     }
@@ -305,6 +322,14 @@ static void share_lens(struct model *m)
     }
 }
 
+/* The lens of a source that has angles alone. */
+static const char *lens_of_angle(struct model_view *v, const struct picture *p)
+{
+    const double fx = p->width / 2.0 / tan(v->angle[0] / 2), fy = v->angle[1] > 0 ? p->height / 2.0 / tan(v->angle[1] / 2) : fx;
+
+    return model_lens(v, (const double[4]){ fx, fy, p->width / 2.0, p->height / 2.0 }, NULL, 0);
+}
+
 static int set_lenses(struct model *m, const struct picture *picture)
 {
     struct sst_calib_camera given;
@@ -312,6 +337,11 @@ static int set_lenses(struct model *m, const struct picture *picture)
     int err;
 
     for (int k = 0; k < m->count; k++) {
+        const bool angle = m->view[k].camera.fx == 0 && m->view[k].angle[0] > 0;
+        const char *fault = angle ? lens_of_angle(&m->view[k], &picture[k]) : NULL;
+
+        if (fault)
+            return model_fault(m, m->view[k].name, fault);
         own |= m->view[k].camera.fx != 0;
         needed |= m->view[k].camera.known && m->view[k].camera.fx == 0;
     }
@@ -438,6 +468,7 @@ static void warn_orientations(const struct model *m, const struct picture *pictu
 static int fill(struct model *m, const char *out)
 {
     struct job job = { .m = m, .out = out };
+    const int count = m->count; /* some may be left out */
     char views[SST_PATH_MAX];
     int err = sst_path_join(views, out, "views");
 
@@ -453,6 +484,8 @@ static int fill(struct model *m, const char *out)
     err = err ? err : finish(m, &job);
     if (!err)
         warn_orientations(m, job.picture);
+    for (int k = 0; k < count; k++)
+        free(job.picture[k].damaged);
     free(job.picture);
     return err;
 }
