@@ -16,6 +16,7 @@
 #define WARM_FARTHER 1.1   /* least ratio of the distance at which warm places are sharpest to the distance of agreement */
 #define METRE_MM     1000.0
 #define CELSIUS      273.15
+#define DEEPEST_MM   5e6 /* below the camera: lower heights are no ground but a number for unknown ones */
 #define NADIR        "nadir"
 #define ZERO_MISS    0.1 /* of the distance: where the ground is not at z = 0 */
 #define NADIR_PIXELS 3e7 /* at most, of a picture of a whole flight */
@@ -179,6 +180,10 @@ static int check_terrain(const struct posed_scene *scene, const char *path)
                       path, s->low_mm / METRE_MM, s->high_mm / METRE_MM, at[2] / METRE_MM);
         return CLI_INPUT;
     }
+    if (at[2] - s->low_mm > DEEPEST_MM)
+        sst_log_warning("%s has heights down to %.0f m; if these stand for unknown ones, say so in the file "
+                        "(gdal_edit.py -a_nodata %.0f FILE), or leave them out of a mesh",
+                        path, s->low_mm / METRE_MM, s->low_mm / METRE_MM);
     for (int k = 0; k < 2; k++) {
         const double from = k ? h->y_mm : h->x_mm;
         const double to = from + (k ? h->step_y_mm * (h->mm.height - 1) : h->step_x_mm * (h->mm.width - 1));

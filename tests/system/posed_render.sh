@@ -51,6 +51,8 @@ refuse "No such file" forest.lf --surface gone.tif
 refuse "nor a view of" forest.lf --surface plane:40 --view gone
 sed 's/^v \([^ ]*\) \([^ ]*\) .*/v \1 \2 500/' $terrain >high.obj
 refuse "all above the camera" forest.lf --surface high.obj
+sed "/^v /{s/^v \\([^ ]*\\) \\([^ ]*\\) .*/v \\1 \\2 -9999/;:a;n;ba}" $terrain >deep.obj # the first height
+"$sst" render forest.lf -m refocus --surface deep.obj -o deep.png >out 2>err && grep -q "down to -9999 m; if these stand" err || fail "heights that are unknown: $(cat out err)"
 refuse "not two ascending" flight.lf --surface plane:40 --levels 7300,7000
 refuse "keeps all levels" flight.lf --surface plane:40 --levels 7000,7300
 refuse "those of forest.lf have 8" forest.lf --surface plane:40 --levels 1,2
