@@ -498,6 +498,10 @@ static int search(const struct cli_command *cmd, struct search *s)
                                              s->moments.time_s[m] };
     err = s->moments.count ? sst_posed_find_walkers(&s->finds, moment, s->moments.count, &s->cfg)
                            : sst_posed_find(&s->finds, &scene, &s->cfg);
+    if (!err && !s->finds.count && s->finds.hectares * 1e4 < s->cfg.most_m * s->cfg.most_m)
+        sst_log_warning("%s: the ground that is seen is smaller than the largest find, --most %g %s; its lengths may be of another "
+                        "unit: see --unit of the import, or `sst poses --spacing`",
+                        s->path, s->cfg.most_m, s->scene.posed.metric ? "m" : "units");
     if (!err && s->out)
         err = write_out(s);
     if (!err && s->json)

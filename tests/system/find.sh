@@ -85,6 +85,16 @@ PY
 refused 3 "shows nothing of the ground" small far --surface plane:35
 refused 3 "three placed views at least; there are 2" single
 grep -q "warning: .*0 of its 2 moments have two placed views" err || fail "moments of one view: $(cat err)"
+"$python" - <<'PY'
+import json
+lf = json.load(open("flight/lightfield.json"))
+for v in lf["views"]:
+    v["position_mm"] = [x / 1e5 for x in v["position_mm"]]
+json.dump(lf, open("tiny.json", "w"))
+PY
+cp -r flight tiny && mv tiny.json tiny/lightfield.json
+"$sst" find tiny --surface plane:0.0003 >out 2>err || fail "tiny: $(cat err)"
+grep -q "smaller than the largest find" err || fail "lengths of another unit: $(cat out err)"
 chmod 0 far/lightfield.json
 if [ "$(id -u)" -ne 0 ]; then refused 3 "Permission denied" far; fi
 refused 2 "not below" flight --least 3 --most 1
