@@ -206,7 +206,8 @@ static void update_at(struct field *f, int ms, bool all_changed)
                      0);
 }
 
-/* Where few disparities are confirmed and most tiles change, maps are made every 0.35 s; between, they stay. */
+/* Where few disparities are confirmed and most tiles change, maps are made every 0.55 s, and every 0.35 s
+ * while something moves in the open; between, they stay. */
 static void maps_of_moving_leaves_wait(void **state SST_UNUSED)
 {
     struct sst_map_u16 before;
@@ -228,7 +229,11 @@ static void maps_of_moving_leaves_wait(void **state SST_UNUSED)
     assert_true(f.report.late);
     for (int i = 0; i < TILES; i++)
         assert_int_equal(f.changes.map[4][i], 0);
-    update_at(&f, 1350, false);
+    update_at(&f, 1540, false);
+    assert_true(f.report.late);
+    f.scene->tracks.track[0] = (struct scene_track){ .id = 1, .reported = true, .state = SST_LIVE_TRACK_SEEN };
+    f.scene->tracks.count = 1; /* something moves in the open: the maps do not wait as long */
+    update_at(&f, 1540, false);
     assert_false(f.report.late);
     assert_int_equal(f.report.tiles_changed, 9 * TILES);
     for (int i = 0; i < TILES; i++)
@@ -236,15 +241,15 @@ static void maps_of_moving_leaves_wait(void **state SST_UNUSED)
     for (int view = 0; view < 9; view++)
         assert_true(bad_share(&f, view, 72) < 8);
     draw(&f, 40); /* the maps are reliable */
-    update_at(&f, 1450, true);
+    update_at(&f, 1600, true);
     assert_false(f.report.late);
     f.scene->confirmed = 0.9; /* few tiles change */
     draw(&f, 42);
-    update_at(&f, 1550, false);
+    update_at(&f, 1700, false);
     assert_false(f.report.late);
     f.scene->confirmed = 0.9; /* exact mode */
     f.cfg.skip_change = false;
-    update_at(&f, 1650, true);
+    update_at(&f, 1800, true);
     assert_false(f.report.late);
     sst_map_u16_fini(&before);
     close_field(&f);

@@ -20,10 +20,12 @@
 /* Above this fraction of changed tiles everything is computed. */
 #define WHOLE_SHARE 0.8
 /* Where this fraction of the disparities at most is confirmed and this one of the tiles moves, as dense leaves do, maps
- * are made only so often: between, pictures show surfaces on which rays agree. */
+ * are made only so often: between, pictures show surfaces on which rays agree. More often while something moves in the
+ * open, which is shown and followed at the rate of the maps. */
 #define LATE_CONFIRMED 0.95
 #define LATE_SHARE     0.5
-#define LATE_NS        350000000
+#define LATE_NS        550000000
+#define LATE_TRACK_NS  350000000
 /* Part of a box that must have a label. */
 #define RECOGNISED 0.15
 
@@ -244,13 +246,22 @@ static void clean(struct sst_livescene *s)
     s->ready = true;
 }
 
+/* The age at which maps of moving leaves are made again. */
+static int64_t late_ns(const struct sst_livescene *s)
+{
+    for (int i = 0; i < s->tracks.count; i++)
+        if (s->tracks.track[i].reported)
+            return LATE_TRACK_NS;
+    return LATE_NS;
+}
+
 /* May the maps stay as they are in this set? */
 static bool may_wait(const struct sst_livescene *s, int64_t tiles)
 {
     int64_t all = 0;
 
     if (!s->cfg->skip_change || !s->ready || !s->ranged || s->whole_next || !isless(s->confirmed, LATE_CONFIRMED) ||
-        s->t_ns - s->maps_t_ns >= LATE_NS || s->t_ns <= s->maps_t_ns)
+        s->t_ns - s->maps_t_ns >= late_ns(s) || s->t_ns <= s->maps_t_ns)
         return false;
     for (int k = 0; k < s->keys; k++)
         if (s->key_whole[k])
