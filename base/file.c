@@ -635,7 +635,7 @@ bool sst_path_is_inside(const char *inner, const char *outer)
     return inside;
 }
 
-/* Name without links, of what may be absent in a folder that exists. @return false: no such folder, or too long */
+/* Name without links, of a file that may be absent. @return false: its folder does not exist, or it is too long */
 static bool resolve(char out[SST_PATH_MAX], const char *path)
 {
     size_t n = strlen(path);

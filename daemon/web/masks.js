@@ -10,7 +10,7 @@ import { $, complain, el, finite, onUse, session, setText, swatch, toast } from 
 const MOST = 16;
 const AGAIN_MS = 5000; // lines that were copied may be in force by now
 const COLOUR = "#ff8f8f";
-const DRAWN = "sst-masks"; // in the tab's storage: all masks, while they are not those in force
+const DRAWN = "sst-masks"; // in the tab's storage: all masks, while the service has others
 
 const cameraOf = ({ row, col }) => (finite(row) ? `r${row}c${col}` : "");
 

@@ -660,7 +660,7 @@ def test_masks(b, fake):
     check(b.js(shown) == "window,back-door, not in force", f"outlines are named {b.js(shown)}")
     check(b.js("[...document.querySelectorAll('#mask-shapes .line')].map((n) => getComputedStyle(n).strokeDasharray).join()") == "none,6px, 4px", "outlines look alike")
     reload(b)
-    open_masks()  # what was drawn is still there
+    open_masks()  # the drawn mask is still there
     b.wait(f"{text}.includes('back-door') && !document.getElementById('mask-changes').hidden")
     check(b.js("document.getElementById('mask-list').textContent").count("not in force") == 1, "a mask in force looks as if it were drawn")
     b.js("document.getElementById('mask-of').value = ''; document.getElementById('mask-of').dispatchEvent(new Event('change'))")

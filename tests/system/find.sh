@@ -69,7 +69,7 @@ refused 3 "channels: one is grey" flight walk --surface plane:35
 refused 3 "no moments of one world" small walk
 refused 3 "walk has several moments itself" walk small
 refused 3 "small is named twice" small ./small
-# A moment of poses in other axes; a light field whose moments have one view each; one that may not be read.
+# A moment of poses in other axes; a light field whose moments have one view each; a folder without rights.
 cp -r small far && cp -r small single || fail "no copies"
 "$python" - <<'PY'
 import json
