@@ -91,8 +91,8 @@ HARDEN := -fstack-protector-strong -fstack-clash-protection -fPIE \
           $(if $(SAN),,-D_FORTIFY_SOURCE=2)
 # A sanitized build is compiled three times as fast with -O1, and its reports need lines alone.
 OPT ?= $(if $(SAN),-O1 -g1,-O3 -g)
-# Programs, devices' drivers and tests, which compute little, are compiled in half of that time with -O0;
-SLIGHT := capture/% cli/% config/% daemon/% drivers/% publishers/% simulators/devices/% tests/unit/% tests/sim/%
+# Programs and devices' drivers, which compute little, are compiled in half of that time with -O0;
+SLIGHT := capture/% cli/% config/% daemon/% drivers/% publishers/% simulators/devices/%
 ifneq (,$(SAN))
 $(SLIGHT:%=$(BUILD)/obj/%.o): OPT = -O0 -g1
 endif
