@@ -16,6 +16,7 @@
 #include "pipeline/live/frames/frames.h"
 #include "pipeline/live/frames/frames_internal.h"
 #include "simulators/scene/world/sim_world.h"
+#include "tests/small.h"
 #include "tests/test.h"
 
 #define VIEWS_MAX  16
@@ -217,7 +218,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(somebody_walks_by),
-        cmocka_unit_test(nothing_happens_before_real_cameras),
+        plain_test(nothing_happens_before_real_cameras),
         cmocka_unit_test(somebody_walks_by_before_real_cameras),
         cmocka_unit_test(text_in_frames_is_read_now_and_then),
     };

@@ -7,6 +7,7 @@
 #include "pipeline/calibration/solve/solve.h"
 #include "tests/calib_truth.h"
 #include "tests/camera_project.h"
+#include "tests/small.h"
 #include "tests/test.h"
 
 #define TRIALS    24
@@ -115,7 +116,7 @@ static void truth_is_inside(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(truth_is_inside),
+        plain_test(truth_is_inside),
     };
 
     if (!WITH_DOGLEG) {

@@ -572,10 +572,10 @@ int main(void)
     const struct CMUnitTest tests[] = {
         serial_test(poor_maps_no_longer_hide_what_is_behind),
         cmocka_unit_test(missing_rays_have_no_say),
-        serial_test(good_maps_decide_alone),
+        plain_test(good_maps_decide_alone),
         serial_test(matched_leaves_no_longer_hide_what_is_behind),
         serial_test(pictures_of_one_renderer_are_those_of_many),
-        serial_test(good_matches_decide_alone),
+        plain_test(good_matches_decide_alone),
         serial_test(tested_maps_are_trusted),
         serial_test(external_maps_are_trusted),
         serial_test(confirmed_disparities_are_counted),
