@@ -30,12 +30,12 @@ static inline int render_tests(void)
     return tests;
 }
 
-/** Name of a dummy device with a fault at the at-th dispatch after them. */
+/** Name of a dummy device that needs no tests, with a fault at the at-th dispatch. */
 static inline const char *render_fault(const char *fault, int at)
 {
     static char name[48];
 
-    snprintf(name, sizeof(name), "dummy:%s=%d", fault, render_tests() + at);
+    snprintf(name, sizeof(name), "dummy:known=1,%s=%d", fault, at);
     return name;
 }
 

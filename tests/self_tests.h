@@ -19,4 +19,11 @@ static inline int self_tests(self_tests_fn *opens)
     return (int)sst_gpu_dummy_dispatches();
 }
 
+/* Dispatches of the same work on a device that has passed its self-tests before. */
+static inline int work_dispatches(self_tests_fn *opens)
+{
+    assert_true(opens("dummy:known=1"));
+    return (int)sst_gpu_dummy_dispatches();
+}
+
 #endif

@@ -3,7 +3,7 @@
  *
  * Faults: lost=N the N-th dispatch finds the device lost; timeout=N it does not answer; memory=N MiB of it all there
  * is; buffer=N KiB is the largest buffer; wrong=N the results of the N-th dispatch are wrong.
- * dot=1, matrix=1, subgroup=1: it has what these variants need; 2: it is slow. */
+ * dot=1, matrix=1, subgroup=1: it has what these variants need; 2: it is slow. known=1: it has passed all comparisons. */
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
@@ -25,11 +25,12 @@ enum fault {
     HAS_DOT,
     HAS_MATRIX,
     HAS_SUBGROUP,
+    IS_KNOWN,
     FAULTS
 };
 
-static const char *const fault_names[FAULTS] = { "lost",  "timeout", "memory", "buffer",
-                                                 "wrong", "dot",     "matrix", "subgroup" };
+static const char *const fault_names[FAULTS] = { "lost", "timeout", "memory",   "buffer", "wrong",
+                                                 "dot",  "matrix",  "subgroup", "known" };
 
 struct dummy {
     struct sst_gpu gpu; /* first */
@@ -172,6 +173,11 @@ bool sst_gpu_is_dummy(const struct sst_gpu *g)
     return g->ops == &ops;
 }
 
+bool gpu_dummy_is_known(const struct sst_gpu *g)
+{
+    return sst_gpu_is_dummy(g) && ((const struct dummy *)g)->fault[IS_KNOWN];
+}
+
 bool sst_gpu_dummy_was_wrong(struct sst_gpu *g)
 {
     struct dummy *d = (struct dummy *)g;
@@ -233,7 +239,7 @@ int gpu_dummy_open(struct sst_gpu **out, const char *faults)
     if (read_faults(d, faults)) {
         free(d);
         sst_log_error("dummy device: `%s` is not a list of lost=N, timeout=N, memory=MIB, buffer=KIB, wrong=N, dot=1, "
-                      "matrix=1, subgroup=1",
+                      "matrix=1, subgroup=1, known=1",
                       faults);
         return -EINVAL;
     }

@@ -147,7 +147,7 @@ void sst_gpu_refuse(struct sst_gpu *g, enum sst_gpu_shader shader, int err);
 int sst_gpu_deadly(void);
 
 /** True if a comparison of this name was noted as passed, now or in another run of the same build with the same driver,
- * device and CPU. Never on the dummy device. */
+ * device and CPU. On the dummy device all are, or none (known=1). */
 bool sst_gpu_has_passed(const struct sst_gpu *g, const char *test);
 
 /** Note a comparison, for sst_gpu_has_passed(); kept when the device is closed. @param test  its name, one line */

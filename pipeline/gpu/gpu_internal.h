@@ -91,6 +91,9 @@ struct sst_gpu {
 /** @param faults  "" or "lost=3,memory=64" */
 SST_MUST_CHECK int gpu_dummy_open(struct sst_gpu **out, const char *faults);
 
+/** True for a dummy device that has passed all comparisons (known=1). */
+bool gpu_dummy_is_known(const struct sst_gpu *g);
+
 /** As sst_gpu_list(), in the driver's order. 0 in a build without Vulkan. */
 int gpu_vulkan_list(struct sst_gpu_info info[SST_GPU_DEVICES]);
 

@@ -176,7 +176,7 @@ void gpu_verdicts_close(struct sst_gpu *g)
 
 bool sst_gpu_has_passed(const struct sst_gpu *g, const char *name)
 {
-    return has(g->verdicts.passed, name);
+    return has(g->verdicts.passed, name) || gpu_dummy_is_known(g);
 }
 
 void sst_gpu_note_verdict(struct sst_gpu *g, const char *name, bool passed)

@@ -13,6 +13,8 @@ static const unsigned check = 1U << SST_DISPARITY_STAGE_CHECK, fill = 1U << SST_
 static void test_same_bytes(void **state)
 {
     static const int tested[] = { 0, 8, 16, 0, 8, 8 }; /* views whose hypotheses are, by round */
+    static const char *const names[] = { "dummy", "dummy:subgroup=1,dot=1", "dummy:known=1",
+                                         "dummy:known=1,subgroup=1,dot=1" };
     struct sst_step_report report;
     struct sst_disparity_config cfg;
     struct sst_lightfield lf;
@@ -21,7 +23,7 @@ static void test_same_bytes(void **state)
     match_init(&lf, 3, 3, 97, 60, 8);
     for (int i = 0; match_config(&cfg, i); i++) {
         /* Without variants of shaders, and with them. */
-        assert_int_equal(match_device_create(&cfg.runner, i % 2 ? "dummy:subgroup=1,dot=1" : "dummy", 0), 0);
+        assert_int_equal(match_device_create(&cfg.runner, names[sst_min_int(i, 2 + i % 2)], 0), 0);
         match_compare(&lf, &cfg, &report);
         print_message("%d: %lld views, %lld tested, %lld dispatches, %lld uploads\n", i,
                       (long long)report.items[SST_DISPARITY_MATCHED].device,
@@ -54,7 +56,7 @@ static void test_narrow(void **state)
     match_init(&lf, 3, 3, 90, 41, 1.5);
     assert_true(match_config(&cfg, 2));
     cfg.disp_max_px = 3;
-    assert_int_equal(match_device_create(&cfg.runner, "dummy", 0), 0);
+    assert_int_equal(match_device_create(&cfg.runner, "dummy:known=1", 0), 0);
     match_compare(&lf, &cfg, &report);
     assert_int_equal(report.items[SST_DISPARITY_MATCHED].device, 8);
     assert_int_equal(report.stages_on_cpu, 0);
@@ -75,7 +77,7 @@ static void test_tiles(void **state)
     match_init(&lf, 1, 3, 230, 192, 21);
     match_config_tiles(&cfg);
     cfg.report = &skipped;
-    assert_int_equal(match_device_create(&cfg.runner, "dummy", 0), 0);
+    assert_int_equal(match_device_create(&cfg.runner, "dummy:known=1", 0), 0);
     match_compare(&lf, &cfg, &report);
     assert_true(skipped.ranges_skipped > 0);
     assert_int_equal(report.items[SST_DISPARITY_MATCHED].device, 6);
@@ -98,7 +100,7 @@ static void test_bands(void **state)
         cfg.phase_step = 2;
         cfg.rounds = 0;
         cfg.key_spacing = 1;
-        assert_int_equal(match_device_create(&cfg.runner, i == 4 ? "dummy:buffer=340" : "dummy:buffer=460", 0), 0);
+        assert_int_equal(match_device_create(&cfg.runner, i == 4 ? "dummy:known=1,buffer=340" : "dummy:known=1,buffer=460", 0), 0);
         match_compare(&lf, &cfg, &report);
         assert_int_equal(report.items[SST_DISPARITY_MATCHED].device, 8);
         assert_int_equal(report.items[SST_DISPARITY_MATCHED].in_bands, 8);
@@ -108,7 +110,7 @@ static void test_bands(void **state)
     sst_lightfield_fini(&lf);
     match_init(&lf, 1, 3, 230, 192, 21); /* rows of tiles */
     match_config_tiles(&cfg);
-    assert_int_equal(match_device_create(&cfg.runner, "dummy:buffer=3900", 0), 0);
+    assert_int_equal(match_device_create(&cfg.runner, "dummy:known=1,buffer=3900", 0), 0);
     match_compare(&lf, &cfg, &report);
     assert_int_equal(report.items[SST_DISPARITY_MATCHED].in_bands, 3);
     assert_int_equal(report.items[SST_DISPARITY_MATCHED].on_cpu, 0);
@@ -143,7 +145,7 @@ static void test_fallback(void **state)
     cfg.fill = false;
     match_on_cpu(&ref, &lf, &cfg);
     for (size_t i = 0; i < ARRAY_LEN(devices); i++) {
-        snprintf(name, sizeof(name), "dummy:%s=%d", devices[i].fault, devices[i].of + (i < 2 ? match_self_tests() : 0));
+        snprintf(name, sizeof(name), "dummy:known=1,%s=%d", devices[i].fault, devices[i].of);
         print_message("%s\n", name);
         assert_int_equal(match_device_create(&cfg.runner, name, i == 2 ? (uint64_t)1100 << 10 : 0), 0);
         match_compare_to(&ref, &lf, &cfg, &report);
@@ -167,7 +169,7 @@ static int dispatches(struct sst_lightfield *lf, int rounds, int subpixel_steps,
     cfg.rounds = rounds;
     cfg.subpixel_steps = subpixel_steps;
     cfg.fill = filled;
-    assert_int_equal(match_device_create(&cfg.runner, "dummy", 0), 0);
+    assert_int_equal(match_device_create(&cfg.runner, "dummy:known=1", 0), 0);
     assert_int_equal(sst_disparity_lightfield(lf, &cfg, NULL, NULL), 0);
     sst_disparity_device_report(cfg.runner, &report);
     match_device_destroy(cfg.runner);
@@ -203,7 +205,7 @@ static void test_fallback_later(void **state)
     lost[2].after += matched;
     lost[3].after += matched;
     for (size_t i = 0; i < ARRAY_LEN(lost); i++) {
-        snprintf(name, sizeof(name), "dummy:lost=%d", match_self_tests() + lost[i].after);
+        snprintf(name, sizeof(name), "dummy:known=1,lost=%d", lost[i].after);
         assert_true(match_config(&cfg, 2));
         cfg.fill = lost[i].filled;
         cfg.subpixel_steps = 1; /* so few dispatches that the device is not lost once more */
@@ -234,9 +236,8 @@ static void test_range(void **state)
 {
     const struct {
         const char *name;
-        int at;
         bool on_cpu; /* some pair */
-    } devices[] = { { "dummy", 0, false }, { "dummy:lost=%d", match_self_tests() + 9, true } };
+    } devices[] = { { "dummy:known=1", false }, { "dummy:known=1,lost=9", true } };
     const struct sst_disparity_search on_cpu = { .scale = 1, .threads = 2 };
     double want[2], got[2];
     struct sst_lightfield lf;
@@ -247,10 +248,8 @@ static void test_range(void **state)
     for (size_t i = 0; i < ARRAY_LEN(devices); i++) {
         struct sst_disparity_search search = on_cpu;
         struct sst_step_report report;
-        char name[40];
 
-        snprintf(name, sizeof(name), devices[i].name, devices[i].at);
-        assert_int_equal(match_device_create(&search.runner, name, 0), 0);
+        assert_int_equal(match_device_create(&search.runner, devices[i].name, 0), 0);
         assert_int_equal(sst_disparity_range(&lf, &search, &got[0], &got[1]), 0);
         assert_memory_equal(got, want, sizeof(want));
         sst_disparity_device_report(search.runner, &report);
@@ -290,7 +289,7 @@ static void test_refused(void **state)
     match_init(&lf, 3, 3, 90, 41, 4);
     assert_true(match_config(&cfg, 2));
     cfg.joint = false;
-    assert_int_equal(match_device_create(&cfg.runner, "dummy", 0), 0);
+    assert_int_equal(match_device_create(&cfg.runner, "dummy:known=1", 0), 0);
     match_compare(&lf, &cfg, &report);
     assert_int_equal(report.items[SST_DISPARITY_MATCHED].device, 0);
     assert_int_equal(report.items[SST_DISPARITY_MATCHED].on_cpu, 8);
@@ -325,7 +324,7 @@ static void test_wide(void **state SST_UNUSED)
     cfg.key_error = -1;
     cfg.disp_max_px = 90;
     cfg.memory = 1 << 16;
-    assert_int_equal(match_device_create(&cfg.runner, "dummy", 0), 0);
+    assert_int_equal(match_device_create(&cfg.runner, "dummy:known=1", 0), 0);
     match_compare(&lf, &cfg, &report);
     assert_int_equal(report.stages_on_cpu >> SST_DISPARITY_STAGE_SWEEP & 1, 0);
     assert_int_equal(report.items[SST_DISPARITY_MATCHED].device, 8);
@@ -350,7 +349,7 @@ static void test_sweep_needs_texture(void **state SST_UNUSED)
                     sst_image_row(&lf.views[k].image, i % 3, i / 3)[x] = (uint8_t)(100 + x % 9);
             }
         }
-        assert_int_equal(match_device_create(&cfg.runner, "dummy", 0), 0);
+        assert_int_equal(match_device_create(&cfg.runner, "dummy:known=1", 0), 0);
         match_compare(&lf, &cfg, &report);
         assert_int_equal(report.stages_on_cpu >> SST_DISPARITY_STAGE_SWEEP & 1, !flat);
         match_device_destroy(cfg.runner);

@@ -111,7 +111,7 @@ static void all_sets_have_the_cpus_picture(void **state SST_UNUSED)
     for (size_t m = 0; m < ARRAY_LEN(memory); m++) {
         int set = 1;
 
-        open_pair(&p, "dummy", memory[m]);
+        open_pair(&p, m ? "dummy:known=1" : "dummy", memory[m]);
         p.cpu.live->low_confidence = p.gpu.live->low_confidence = true;
         for (int i = 0; i < SETTINGS; i++) {
             const struct sst_render_config cfg = settings(i);
@@ -141,7 +141,7 @@ static void rows_that_changed_are_uploaded(void **state SST_UNUSED)
     struct sst_render_device_report all, some;
     struct pair p;
 
-    open_pair(&p, "dummy", 0);
+    open_pair(&p, "dummy:known=1", 0);
     compare(&p, &cfg);
     assert_true(sst_live_device(p.gpu.live, &all));
     assert_int_equal(all.uploads, VIEWS);
@@ -164,7 +164,7 @@ static void what_is_on_the_device_follows_the_views(void **state SST_UNUSED)
     for (int i = 0; i < SETTINGS; i++) {
         const struct sst_render_config cfg = settings(i);
 
-        open_pair(&p, "dummy", 0);
+        open_pair(&p, "dummy:known=1", 0);
         compare(&p, &cfg);
         for (int step = 0; step < 4; step++) {
             struct shown *const of[] = { &p.cpu, &p.gpu };
@@ -195,7 +195,7 @@ static void a_device_that_fails_costs_no_set(void **state SST_UNUSED)
 {
     static const struct {
         const char *fault;
-        int at; /* dispatch after the dispatches of the tests */
+        int at; /* dispatch */
         const char *why;
     } devices[] = {
         { "lost", 4, "the device is lost" },
@@ -211,7 +211,7 @@ static void a_device_that_fails_costs_no_set(void **state SST_UNUSED)
         int lost = 0, found = 0;
         bool failing = false;
 
-        const char *name = devices[d].at ? render_fault(devices[d].fault, devices[d].at) : "dummy:buffer=25";
+        const char *name = devices[d].at ? render_fault(devices[d].fault, devices[d].at) : "dummy:known=1,buffer=25";
 
         open_pair(&p, name, 0);
         /* More sets where openings, on a thread of their own, take longer. */

@@ -124,7 +124,7 @@ static bool opens_if_lost_at(long dispatch)
     char name[40];
     struct sst_runner_user *d;
 
-    snprintf(name, sizeof(name), "dummy:lost=%ld", dispatch);
+    snprintf(name, sizeof(name), "dummy:known=1,lost=%ld", dispatch);
     if (sst_network_device_open(&d, name, 0))
         return false;
     sst_network_device_close(d);
@@ -153,7 +153,7 @@ static void count_dispatches(long *opening, long *run)
     }
     sst_log_hold_errors(NULL);
     *opening = most;
-    *run = (long)follow("dummy", true, 1).report.step.dispatches;
+    *run = (long)follow("dummy:known=1", true, 1).report.step.dispatches;
 }
 
 /* Lost again and again: every set has its labels, those of the CPU. */
@@ -165,7 +165,7 @@ static void a_device_that_fails_costs_no_labels(void **state SST_UNUSED)
 
     count_dispatches(&opening, &run);
     /* At each opening's first run or in the tests before it. */
-    snprintf(name, sizeof(name), "dummy:lost=%ld", opening + run / 2);
+    snprintf(name, sizeof(name), "dummy:known=1,lost=%ld", opening + run / 2);
     seen = follow(name, true, SETS);
     assert_int_equal(seen.lost, 1);
     assert_int_equal(seen.found, 0);
@@ -174,7 +174,7 @@ static void a_device_that_fails_costs_no_labels(void **state SST_UNUSED)
     assert_contains(seen.report.step.failure, "the device is lost");
     /* After some runs. */
     for (long k = 4; k < 12; k += 4) {
-        snprintf(name, sizeof(name), "dummy:timeout=%ld", opening + k * run);
+        snprintf(name, sizeof(name), "dummy:known=1,timeout=%ld", opening + k * run);
         seen = follow(name, true, 2 * SETS);
         print_message("%s: %d runs, %d on the CPU, %d failures, lost %d, found %d times\n", name, (int)seen.report.runs,
                       (int)seen.report.on_cpu, (int)seen.report.step.failures, seen.lost, seen.found);
@@ -211,10 +211,10 @@ static void without_a_device_labels_are_the_cpus(void **state SST_UNUSED)
 /* A network that does not fit is the CPU's, and the device is not to blame. */
 static void memory_is_bounded(void **state SST_UNUSED)
 {
-    struct seen seen = follow("dummy", true, 1);
+    struct seen seen = follow("dummy:known=1", true, 1);
 
     label_bytes = (uint64_t)seen.report.memory_bytes - 1000;
-    seen = follow("dummy", true, 5);
+    seen = follow("dummy:known=1", true, 5);
     label_bytes = 0;
     assert_int_equal(seen.report.runs, 0);
     assert_int_equal(seen.report.step.failures, 0);

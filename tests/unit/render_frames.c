@@ -39,7 +39,7 @@ static void rectified_views_have_the_bytes_of_the_cpu(void **state SST_UNUSED)
     assert_int_equal(report.failures, 0);
     assert_int_equal(report.rectified, VIEWS);
     assert_int_equal(report.uploads, VIEWS);
-    assert_int_equal(frames_compare(&field, false, "dummy", (uint64_t)1150 << 10, 0, &report), 0);
+    assert_int_equal(frames_compare(&field, false, "dummy:known=1", (uint64_t)1150 << 10, 0, &report), 0);
     assert_true(report.rectified > 3 * VIEWS);
     assert_int_equal(report.failures, 0);
 }
@@ -50,7 +50,7 @@ static void sampled_rays_are_those_of_the_cpu(void **state SST_UNUSED)
     struct sst_render_device_report report;
 
     for (int small = small_level() >= 2; small < 2; small++) {
-        assert_in_range(frames_compare(&field, true, "dummy", small ? (uint64_t)1150 << 10 : 0, 1, &report), 0,
+        assert_in_range(frames_compare(&field, true, "dummy:known=1", small ? (uint64_t)1150 << 10 : 0, 1, &report), 0,
                         FRAMES_PICTURES * FRAMES_WIDTH * FRAMES_HEIGHT / 1000);
         assert_int_equal(report.pictures, FRAMES_PICTURES);
         assert_int_equal(report.on_cpu, 0);
@@ -87,22 +87,24 @@ static bool renders(const char *name)
 /* What fails ends on the CPU with the same picture. */
 static void failures_end_on_the_cpu(void **state SST_UNUSED)
 {
-    const int blend = self_tests(renders), tests = render_tests(); /* the picture's last dispatch; those of the opening */
+    const int blend = work_dispatches(renders), tests = render_tests(); /* the picture's last dispatch; those of the opening */
     const struct {
         const char *fault;
         int at;
         const char *why;
         int failures;
     } devices[] = {
-        { "lost", blend - VIEWS, "the device is lost", 3 },               /* the first view, at each opening */
-        { "timeout", blend - VIEWS + 2, "the device does not answer", 3 }, /* the third one */
+        { "known=1,lost", blend - VIEWS, "the device is lost", 3 },               /* the first view, at each opening */
+        { "known=1,timeout", blend - VIEWS + 2, "the device does not answer", 3 }, /* the third one */
         { "wrong", tests + 2, "the shader that rectifies is refused", 0 },
     };
     struct sst_render_device_report report;
 
     for (size_t i = 0; i < (small_level() >= 2 ? 1 : ARRAY_LEN(devices)); i++) {
         for (int sampled = 0; sampled < 2; sampled++) {
-            const char *name = render_fault(devices[i].fault, devices[i].at - tests);
+            char name[48];
+
+            snprintf(name, sizeof(name), "dummy:%s=%d", devices[i].fault, devices[i].at);
 
             print_message("%s\n", name);
             assert_int_equal(frames_compare(&field, sampled, name, 0, 0, &report), 0);
@@ -167,7 +169,7 @@ static void encoded_frames_are_decoded_where_they_are_needed(void **state SST_UN
     encode(&encoded, &decoded);
     for (size_t i = small_level() >= 2 ? 2 : 0; i < ARRAY_LEN(pictures); i++) {
         struct frames_picture want = render(&decoded, "cpu", false, pictures[i]);
-        struct frames_picture got[] = { render(&encoded, "dummy", false, pictures[i]),
+        struct frames_picture got[] = { render(&encoded, "dummy:known=1", false, pictures[i]),
                                         render(&encoded, "cpu", false, pictures[i]),
                                         render(&encoded, render_fault("lost", 10), false, pictures[i]),
                                         render(&encoded, "cpu", true, pictures[i]) };
@@ -198,7 +200,7 @@ static void a_damaged_frame_is_an_error(void **state SST_UNUSED)
     assert_int_equal(sst_image_init(&out, encoded.width, encoded.height), 0);
     assert_int_equal(sst_renderer_create(&r, &encoded, 2), 0);
     assert_int_equal(sst_renderer_use_rectified(r), 0);
-    assert_int_equal(sst_renderer_use_device(r, "dummy", 0), 0);
+    assert_int_equal(sst_renderer_use_device(r, "dummy:known=1", 0), 0);
     sst_log_hold_errors(text);
     assert_int_equal(sst_render(r, &cfg, &out, NULL), -EBADMSG);
     sst_log_hold_errors(NULL);

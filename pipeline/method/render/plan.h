@@ -24,7 +24,7 @@ struct sst_label_histogram {
     bool present[256];    /* label occurs, with or without a disparity */
     uint64_t *count[256]; /* [bins]; NULL: no pixel of this label has a disparity */
     uint64_t *memory;     /* owned: what count points into */
-    int row;              /* capacity in bins of each of the 256 rows of memory */
+    int row;              /* capacity in bins of each of 256 rows of memory; 0: rows of labels that occur alone */
 };
 
 /** @return 0 or -ENOMEM (not logged). The same counts for any number of threads. */

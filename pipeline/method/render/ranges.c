@@ -26,8 +26,9 @@ struct job {
         bool present[256];
         char pad[SST_ALIGN];
     } * extent;
-    uint64_t *count; /* [workers][256][bins] */
-    size_t bins;
+    uint16_t row[256]; /* of a label that occurs */
+    uint64_t *count;   /* [workers][rows][bins] */
+    size_t rows, bins;
 };
 
 static int scan_extent(void *arg, int index, int worker)
@@ -61,7 +62,7 @@ static int count_view(void *arg, int index, int worker)
 {
     const struct job *j = arg;
     const struct sst_view *v = &j->lf->views[index];
-    uint64_t *count = j->count + (size_t)worker * 256 * j->bins;
+    uint64_t *count = j->count + (size_t)worker * j->rows * j->bins;
 
     if (!v->present || !v->disp.data)
         return 0;
@@ -71,7 +72,7 @@ static int count_view(void *arg, int index, int worker)
 
         for (int x = 0; x < v->disp.width; x++) {
             if (d[x] != SST_DISP_NONE)
-                count[(label ? label[x] : 0) * j->bins + d[x]]++;
+                count[j->row[label ? label[x] : 0] * j->bins + d[x]]++;
         }
     }
     return 0;
@@ -79,17 +80,29 @@ static int count_view(void *arg, int index, int worker)
 
 static void merge(struct sst_label_histogram *h, const struct job *j, int workers)
 {
-    const size_t size = 256 * j->bins;
+    const size_t size = j->rows * j->bins;
 
     for (size_t w = 1; w < (size_t)workers; w++) {
         for (size_t i = 0; i < size; i++)
             j->count[i] += j->count[w * size + i];
     }
     for (size_t label = 0; label < 256; label++) {
-        for (size_t i = 0; i < j->bins && !h->count[label]; i++) {
-            if (j->count[label * j->bins + i])
-                h->count[label] = j->count + label * j->bins;
+        uint64_t *const count = j->count + j->row[label] * j->bins;
+
+        for (size_t i = 0; i < j->bins && (!label || h->present[label]) && !h->count[label]; i++) {
+            if (count[i])
+                h->count[label] = count;
         }
+    }
+}
+
+/* Rows of counts: of labels that occur, and of label 0, which pixels without a label have. */
+static void give_rows(struct job *j, const bool present[256])
+{
+    j->rows = 1;
+    for (int label = 1; label < 256; label++) {
+        if (present[label])
+            j->row[label] = (uint16_t)j->rows++;
     }
 }
 
@@ -115,10 +128,10 @@ int sst_render_histogram_init(struct sst_label_histogram *h, const struct sst_li
             made.present[i] |= e->present[i];
     }
     made.first_bin = made.bins ? first : 0;
-    made.row = made.bins;
     j.bins = (size_t)made.bins;
+    give_rows(&j, made.present);
     if (!err && made.bins) {
-        made.memory = j.count = calloc((size_t)workers * 256 * j.bins, sizeof(*j.count));
+        made.memory = j.count = calloc((size_t)workers * j.rows * j.bins, sizeof(*j.count));
         err = j.count ? sst_parallel_for(views, workers, count_view, &j) : -ENOMEM;
     }
     free(j.extent);
