@@ -128,6 +128,11 @@ static void *end_when_interrupted(void *arg SST_UNUSED)
         for (int again = 0; again < 3 && sst_path_exists(gone); again++)
             sst_path_remove_tree(gone);
     }
+    if (interrupted_by == SIGQUIT) { /* whoever sends it wants the core */
+        signal(SIGQUIT, SIG_DFL);
+        pthread_sigmask(SIG_SETMASK, &(sigset_t){ 0 }, NULL);
+        raise(SIGQUIT);
+    }
     _exit(128 + interrupted_by);
 }
 
@@ -141,10 +146,24 @@ static void on_signal(int sig)
     errno = saved;
 }
 
+int sst_file_flush_output(void)
+{
+    static bool logged;
+
+    errno = 0;
+    if (!fflush(stdout) && !ferror(stdout))
+        return 0;
+    if (!logged && errno != EPIPE) /* `| head` has read enough */
+        sst_log_error("cannot write to standard output: %s", errno ? strerror(errno) : "a part of it is lost");
+    logged = true;
+    return -EIO;
+}
+
 int sst_file_clean_on_interrupt(void)
 {
+    static const int always[] = { SIGINT, SIGTERM }, unless_ignored[] = { SIGHUP, SIGQUIT }; /* as nohup and shells do */
     const struct sigaction act = { .sa_handler = on_signal, .sa_flags = SA_RESTART };
-    struct sigaction hangup;
+    struct sigaction had;
     pthread_t thread;
     sigset_t all, before;
     int err = sem_init(&interrupted, 0, 0) ? errno : 0;
@@ -159,10 +178,12 @@ int sst_file_clean_on_interrupt(void)
         return -err;
     }
     pthread_detach(thread);
-    sigaction(SIGINT, &act, NULL);
-    sigaction(SIGTERM, &act, NULL);
-    if (!sigaction(SIGHUP, NULL, &hangup) && hangup.sa_handler != SIG_IGN) /* as nohup sets it */
-        sigaction(SIGHUP, &act, NULL);
+    for (size_t i = 0; i < ARRAY_LEN(always); i++)
+        sigaction(always[i], &act, NULL);
+    for (size_t i = 0; i < ARRAY_LEN(unless_ignored); i++) {
+        if (!sigaction(unless_ignored[i], NULL, &had) && had.sa_handler != SIG_IGN)
+            sigaction(unless_ignored[i], &act, NULL);
+    }
     return 0;
 }
 

@@ -145,9 +145,13 @@ SST_MUST_CHECK int sst_path_copy_tree(const char *from, const char *to);
  */
 SST_MUST_CHECK int sst_path_swap(const char *fresh, const char *path);
 
+/** Flush standard output. @return 0, -EIO: some of it is lost; logged once, but not where its reader has gone */
+SST_MUST_CHECK int sst_file_flush_output(void);
+
 /**
- * From now on SIGINT, SIGTERM and SIGHUP, unless that is ignored, remove all uncommitted output and end the process with
- * status 128 + signal; threads with output that fails meanwhile wait for the end. Call it once, before other threads start.
+ * From now on SIGINT and SIGTERM, and SIGHUP and SIGQUIT unless they are ignored, remove all uncommitted output and end the
+ * process with status 128 + signal, by SIGQUIT with a core; threads with output that fails meanwhile wait for the end. Call
+ * it once, before other threads start.
  *
  * @return 0, or a negative errno if its thread cannot be started; logged.
  */

@@ -451,15 +451,7 @@ void cli_progress_end(void)
 
 int cli_flush(void)
 {
-    static bool logged;
-
-    errno = 0;
-    if (!fflush(stdout) && !ferror(stdout))
-        return CLI_OK;
-    if (!logged && errno != EPIPE) /* `| head` has read enough */
-        sst_log_error("cannot write to standard output: %s", errno ? strerror(errno) : "a part of it is lost");
-    logged = true;
-    return CLI_OUTPUT;
+    return sst_file_flush_output() ? CLI_OUTPUT : CLI_OK;
 }
 
 int cli_dump_json(json_t *root, size_t flags)

@@ -6,10 +6,18 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "base/file.h"
 #include "base/log.h"
 
 #define EXIT_USAGE  2
+#define EXIT_OUTPUT 4
 #define EXIT_CONFIG 78 /* systemd does not start it again: RestartPreventExitStatus */
+
+/* @return exit status after help or version */
+static int printed(void)
+{
+    return sst_file_flush_output() ? EXIT_OUTPUT : EXIT_SUCCESS;
+}
 
 int sst_program_begin(struct sst_program *p, struct sst_config *config, int argc, char **argv)
 {
@@ -41,10 +49,10 @@ int sst_program_begin(struct sst_program *p, struct sst_config *config, int argc
             break;
         case 'V':
             printf("%s %s\n", p->name, SST_VERSION);
-            return EXIT_SUCCESS;
+            return printed();
         case 'h':
             fputs(p->help, stdout);
-            return EXIT_SUCCESS;
+            return printed();
         default:
             return EXIT_USAGE;
         }

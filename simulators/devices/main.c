@@ -320,7 +320,7 @@ static int question(int argc, char **argv)
     return strcmp(verb, "status") == 0 ? status(a.dir, a.json) : ask(a.dir, SST_SIM_STOP);
 }
 
-int main(int argc, char **argv)
+static int dispatch(int argc, char **argv)
 {
     struct arguments a = { 0 };
     int bad;
@@ -342,4 +342,11 @@ int main(int argc, char **argv)
     if (optind >= argc)
         return usage("no command given");
     return a.join ? join(a.join, argv + optind) : run_session(&a, argv + optind);
+}
+
+int main(int argc, char **argv)
+{
+    const int code = dispatch(argc, argv);
+
+    return sst_file_flush_output() && !code ? EXIT_OUTPUT : code;
 }

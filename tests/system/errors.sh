@@ -273,6 +273,11 @@ for report in "version" "models" "render --help" "render good --focus 4 -o pic.p
   "$sst" $report >/dev/full 2>err
   [ $? = 4 ] && [ "$(grep -c "cannot write to standard output" err)" = 1 ] || fail "$report on a full disk: $(cat err)"
 done
+for program in sstd sst-sim sst-mqtt; do
+  [ ! -x "${sst%/*}/$program" ] && continue
+  "${sst%/*}/$program" --help >/dev/full 2>err
+  [ $? = 4 ] && [ "$(grep -c "cannot write to standard output" err)" = 1 ] || fail "help of $program on a full disk: $(cat err)"
+done
 "$sst" --help 2>err | : && [ ! -s err ] || fail "help without a reader: $(cat err)"
 mkdir mine && echo precious >mine/file
 want 4 "does not replace" scene bush --size 20x20 -o mine --force
@@ -322,20 +327,25 @@ ended $pid "an interrupted process"
 rc=$?
 [ $rc -eq 130 ] || [ $rc -eq 0 ] || fail "interrupted: exit $rc, not 130"
 
-# A terminal that is closed; nohup goes on.
-hangs_up() { # COMMAND: as soon as its folder is begun
+# A terminal that is closed, Ctrl-\; nohup goes on.
+hangs_up() { # SIGNAL COMMAND: as soon as its folder is begun
+  local sig=$1 pid
+  shift
   "$@" scene pedestrian -o hung.lf --size 160x120 --threads 1 -q >/dev/null 2>err &
   pid=$!
   for _ in $(seq 6000); do [ -n "$(find . -maxdepth 1 -name 'hung.lf*')" ] && break; sleep 0.01; done
-  kill -HUP $pid 2>/dev/null
-  ended $pid "a command whose terminal is closed"
+  kill -"$sig" $pid 2>/dev/null
+  ended $pid "a command that gets SIG$sig"
 }
-hangs_up env --default-signal=HUP "$sst"
-rc=$?
-[ $rc -eq 129 ] || [ $rc -eq 0 ] || fail "a terminal that is closed: exit $rc, not 129"
-[ -z "$(find . -name '*.tmp-*')" ] || fail "a terminal that is closed: left $(find . -name '*.tmp-*')"
-rm -rf hung.lf
-hangs_up env --ignore-signal=HUP "$sst" && [ -d hung.lf ] || fail "nohup: ended with $?, $(cat err)"
+ulimit -S -c 0
+for end in HUP:129 QUIT:131; do
+  hangs_up ${end%:*} env --default-signal=${end%:*} "$sst"
+  rc=$?
+  [ $rc -eq ${end#*:} ] || [ $rc -eq 0 ] || fail "SIG$end: exit $rc"
+  [ -z "$(find . -name '*.tmp-*')" ] || fail "SIG${end%:*}: left $(find . -name '*.tmp-*')"
+  rm -rf hung.lf
+done
+hangs_up HUP env --ignore-signal=HUP "$sst" && [ -d hung.lf ] || fail "nohup: ended with $?, $(cat err)"
 
 [ "$failed" -eq 0 ] && echo "faults are named, nothing is lost"
 exit "$failed"
