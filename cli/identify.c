@@ -153,22 +153,6 @@ static int take_round(struct session *s, struct sst_grab_config *cfg, struct sst
     return cfg->cameras ? grab_pictures(s, cfg) : 0;
 }
 
-/* Once each, after the last attempt. */
-static void report_missing(const struct session *s)
-{
-    for (int i = 0; i < s->count; i++) {
-        const struct shot *shot = &s->shots[i];
-        const bool serial = *shot->device.serial;
-        char title[32];
-
-        if (shot->image.width || shot->genicam || !*shot->why)
-            continue;
-        write_title(title, sizeof(title), shot);
-        sst_log_error("%s (%s %s): %s", title, serial ? "serial" : "port",
-                      serial ? shot->device.serial : shot->device.port, shot->why);
-    }
-}
-
 /* All at once; then, one by one, cameras without USB bandwidth beside the others. */
 static int take_pictures(struct session *s, const struct sst_array_config *array)
 {
@@ -183,16 +167,16 @@ static int take_pictures(struct session *s, const struct sst_array_config *array
     }
     cli_grab_config(&cfg, array);
     cfg.bindings = bindings;
-    sst_log_hold_errors(said); /* a camera that is refused in both rounds */
+    sst_log_hold_errors(said); /* results have the reason of each camera */
     err = take_round(s, &cfg, bindings, 0, s->count);
     for (int i = 0; !err && s->count > 1 && i < s->count; i++)
         err = take_round(s, &cfg, bindings, i, 1);
+    err = err ? err : identify_genicams(s, array);
     sst_log_hold_errors(NULL);
     free(bindings);
     if (err && *said)
         sst_log_error("%s", said);
-    report_missing(s);
-    return err ? err : identify_genicams(s, array);
+    return err;
 }
 
 /* --- output ------------------------------------------------------------------------------------------------------- */
@@ -286,6 +270,26 @@ static void file_name(char *out, size_t size, const struct shot *shot)
     }
 }
 
+static const char *why_none(const struct shot *shot)
+{
+    return *shot->why ? shot->why : "no picture received";
+}
+
+/* Reasons of all cameras, where no table has them. */
+static void report_none(const struct session *s)
+{
+    for (int i = 0; i < s->count; i++) {
+        const struct shot *shot = &s->shots[i];
+        const bool serial = *shot->device.serial;
+        char title[32];
+
+        write_title(title, sizeof(title), shot);
+        sst_log_error("%s (%s %s): %s", title, serial ? "serial" : "port",
+                      serial ? shot->device.serial : shot->device.port, why_none(shot));
+    }
+    sst_log_error("no camera delivered a picture; `sst doctor` checks for the reason");
+}
+
 /* `files` gets the name of each picture, NULL if there is none; to free. @return 0 or -errno */
 static int write_pictures(const struct session *s, const char *dir, char **files)
 {
@@ -301,15 +305,13 @@ static int write_pictures(const struct session *s, const char *dir, char **files
         files[i] = err ? NULL : strdup(path);
         got++;
     }
-    if (err || got)
+    if (err)
         return err;
-    sst_log_error("no camera delivered a picture; `sst doctor` checks for the reason");
-    return -ENODATA;
-}
-
-static const char *why_none(const struct shot *shot)
-{
-    return *shot->why ? shot->why : "no picture received";
+    if (!got)
+        report_none(s);
+    else if (got < s->count)
+        sst_log_warning("no picture of %d of %d cameras", s->count - got, s->count);
+    return got ? 0 : -ENODATA;
 }
 
 static void print_table(const struct session *s, char *const *files, const char *sheet)
