@@ -55,9 +55,15 @@ int main(void)
     int count;
 
     routes = sst_http_routes(&count);
-    for (int i = 0; i < count; i++)
-        json_array_append_new(list, json_pack("{s:s, s:s, s:s, s:s}", "method", routes[i].method, "path",
-                                              routes[i].path, "role", roles[routes[i].role], "what", routes[i].what));
+    for (int i = 0; i < count; i++) {
+        json_t *query = json_array();
+
+        for (int k = 0; routes[i].query[k]; k++)
+            json_array_append_new(query, json_string(routes[i].query[k]));
+        json_array_append_new(list, json_pack("{s:s, s:s, s:s, s:s, s:o}", "method", routes[i].method, "path",
+                                              routes[i].path, "role", roles[routes[i].role], "what", routes[i].what,
+                                              "query", query));
+    }
     for (int i = 1; i < sst_event_types_count; i++)
         json_array_append_new(events, json_string(sst_event_types[i]));
     keys = sst_schema(&count);

@@ -152,6 +152,7 @@ def operation(route, op, like):
                           "content": op.get("content") or {"application/json": op["answer"]}}
     errors = set(op.get("errors", [])) | ({413, 415} if route["method"] == "POST" else set())
     errors |= set() if route["role"] == "anyone" else {401, 403}
+    errors |= {400} if route["path"].startswith("/api/") else set()  # an unknown parameter
     out["responses"] = {code: answer(answers[code]) for code in sorted(answers)}
     out["responses"].update({str(code): {"$ref": "#/components/responses/error"} for code in sorted(errors)})
     if route["role"] == "anyone":
@@ -165,6 +166,10 @@ def openapi(tables, source):
         op = operations.pop(f"{route['method']} {route['path']}", None)
         if op is None:
             sys.exit(f"error: openapi.in.json lacks {route['method']} {route['path']}")
+        described = {name.rstrip("!") for name in {**source["like"].get(op.get("like"), {}), **op}.get("query", {})}
+        if route["path"].startswith("/api/") and described != set(route["query"]):
+            sys.exit(f"error: {route['method']} {route['path']}: parameters {described} in openapi.in.json, "
+                     f"{set(route['query'])} in the table of routes")
         paths.setdefault(route["path"], {})[route["method"].lower()] = operation(route, op, source["like"])
     if operations:
         sys.exit(f"error: no route: {', '.join(operations)}")

@@ -10,30 +10,39 @@
 #include "base/text.h"
 #include "daemon/publish/api.h"
 
+int sst_api_known(const char *kind, const char *name, const char *const *known, char error[512])
+{
+    const char *near;
+    int i = 0;
+
+    while (known[i] && strcmp(known[i], name) != 0)
+        i++;
+    if (known[i])
+        return 0;
+    near = sst_edit_nearest(name, known);
+    snprintf(error, 512, "unknown %s `%.64s`; %s%s%s", kind, name,
+             near       ? "did you mean `"
+             : known[0] ? known[1] ? "there are " : "there is "
+                        : "it has none",
+             near ? near : "", near ? "`?" : "");
+    for (i = 0; !near && known[i]; i++)
+        sst_text_add(error, 512, "%s%s", i == 0 ? "" : known[i + 1] ? ", " : " and ", known[i]);
+    return -EINVAL;
+}
+
 int sst_api_members(const json_t *request, const char *const *known, char error[512])
 {
-    const char *key, *near;
+    const char *key;
     json_t *value;
 
     if (request && !json_is_object(request))
         return sst_api_refuse(error, -EINVAL, "the request must be an object of JSON");
     json_object_foreach((json_t *)(uintptr_t)request, key, value)
     {
-        int i = 0;
+        const int err = sst_api_known("member", key, known, error);
 
-        while (known[i] && strcmp(known[i], key) != 0)
-            i++;
-        if (known[i])
-            continue;
-        near = sst_edit_nearest(key, known);
-        snprintf(error, 512, "unknown member `%.64s`; %s%s%s", key,
-                 near       ? "did you mean `"
-                 : known[0] ? "there are "
-                            : "it has none",
-                 near ? near : "", near ? "`?" : "");
-        for (i = 0; !near && known[i]; i++)
-            sst_text_add(error, 512, "%s%s", i == 0 ? "" : known[i + 1] ? ", " : " and ", known[i]);
-        return -EINVAL;
+        if (err)
+            return err;
     }
     return 0;
 }

@@ -100,6 +100,9 @@ struct sst_api {
  *  A missing request counts as an empty one. @return 0, -EINVAL (`error` is one sentence) */
 SST_MUST_CHECK int sst_api_members(const json_t *request, const char *const *known, char error[512]);
 
+/** Check one name. @param kind  "member" @return as above */
+SST_MUST_CHECK int sst_api_known(const char *kind, const char *name, const char *const *known, char error[512]);
+
 /** Write the sentence of an error. @return err */
 int sst_api_refuse(char error[512], int err, const char *fmt, ...) SST_PRINTF(3, 4);
 

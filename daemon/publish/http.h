@@ -86,11 +86,14 @@ void sst_http_close(struct sst_http *http);
 
 /* --- the table of routes, also read by tests and documentation --------------------------------------------------- */
 
+#define SST_QUERY_MAX 8
+
 struct sst_route {
     const char *method; /* "GET" (and HEAD), "POST" */
     const char *path;   /* "/api/v1/views/{id}" */
     enum sst_role role;
     const char *what; /* one line */
+    const char *query[SST_QUERY_MAX + 1]; /* parameters; NULL ends them */
 };
 
 const struct sst_route *sst_http_routes(int *count);

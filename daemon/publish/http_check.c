@@ -8,6 +8,12 @@
 #include <strings.h>
 
 
+/* Where the client wants to be: a target in absolute form says so instead of the header (RFC 9112, 3.2.2). */
+static const char *host_of(struct http_request *q)
+{
+    return q->authority[0] ? q->authority : http_header(q, "Host");
+}
+
 /* Is a name under which a client of TCP reaches us one of ours? Others belong to a foreign page with a name that leads
  * here. */
 static bool host_is_ours(struct http_request *q, const char *host)
@@ -229,12 +235,35 @@ static bool find_route(struct http_request *q, const char *method, const char *p
 
 bool http_is_foreign(struct http_request *q)
 {
-    const char *origin = http_header(q, "Origin"), *site = http_header(q, "Sec-Fetch-Site");
-    const char *host = http_header(q, "Host");
+    const char *origin = http_header(q, "Origin"), *site = http_header(q, "Sec-Fetch-Site"), *host = host_of(q);
 
     if (site && strcmp(site, "same-origin") && strcmp(site, "none"))
         return true;
     return origin && (!host || !http_same_origin(origin, host));
+}
+
+struct parameters {
+    const char *const *known;
+    char error[512]; /* about the first unknown one */
+};
+
+static enum MHD_Result on_parameter(void *arg, enum MHD_ValueKind kind SST_UNUSED, const char *name,
+                                    const char *value SST_UNUSED)
+{
+    struct parameters *p = arg;
+
+    return name && *name && sst_api_known("parameter", name, p->known, p->error) ? MHD_NO : MHD_YES;
+}
+
+/* Refuse misspelt filters: without them an answer would have more than was asked for. @return -1: fine; else answered */
+static int check_query(struct http_request *q)
+{
+    struct parameters p = { .known = q->route->query };
+
+    if (strncmp(q->route->path, "/api/v1/", 8) != 0)
+        return -1;
+    (void)MHD_get_connection_values(q->connection, MHD_GET_ARGUMENT_KIND, on_parameter, &p);
+    return p.error[0] ? http_reply_error(q, MHD_HTTP_BAD_REQUEST, "%s: %s", q->route->path, p.error) : -1;
 }
 
 static bool is_login(const struct http_request *q)
@@ -280,7 +309,7 @@ int http_check(struct http_request *q, const char *path, const char *method, con
 {
     const union MHD_ConnectionInfo *info =
         MHD_get_connection_info(q->connection, MHD_CONNECTION_INFO_REQUEST_HEADER_SIZE);
-    const char *host = http_header(q, "Host"), *unclear;
+    const char *host, *unclear;
     bool found;
     int done;
 
@@ -296,6 +325,8 @@ int http_check(struct http_request *q, const char *path, const char *method, con
         return http_reply_error(q, MHD_HTTP_SERVICE_UNAVAILABLE,
                                 "%d connections are open already; try again, or raise web.clients",
                                 q->http->cfg.clients);
+    path = http_target_path(path, q->authority);
+    host = host_of(q);
     if (!q->local && (!host || !host_is_ours(q, host)))
         return http_reply_error(q, MHD_HTTP_FORBIDDEN, "\"%.80s\" is not a name of this service; web.host adds one",
                                 host ? host : "");
@@ -311,5 +342,6 @@ int http_check(struct http_request *q, const char *path, const char *method, con
                                 "there is no %.200s; GET /api/v1/openapi.json names what there is", path);
     if (!found)
         return refuse_method(q, path);
-    return strcmp(q->route->method, "POST") ? -1 : check_post(q);
+    done = check_query(q);
+    return done >= 0 || strcmp(q->route->method, "POST") ? done : check_post(q);
 }

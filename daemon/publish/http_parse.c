@@ -80,6 +80,18 @@ bool http_url_host(const char *url, char *host)
            http_host_split(text, host, &port);
 }
 
+const char *http_target_path(const char *target, char authority[HTTP_AUTHORITY])
+{
+    const size_t scheme = !strncasecmp(target, "http://", 7) ? 7 : !strncasecmp(target, "https://", 8) ? 8 : 0;
+    const char *path = target + scheme + strcspn(target + scheme, "/");
+
+    authority[0] = 0;
+    if (!scheme || path == target + scheme)
+        return target;
+    snprintf(authority, HTTP_AUTHORITY, "%.*s", (int)(path - target - scheme), target + scheme);
+    return *path ? path : "/";
+}
+
 bool http_same_origin(const char *origin, const char *host)
 {
     const bool tls = !strncmp(origin, "https://", 8);

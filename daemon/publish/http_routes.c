@@ -13,7 +13,8 @@
 
 #define HEALTH_NS INT64_C(250000000) /* for which an answer of /healthz is good */
 
-/* method, path, role, one line, handler. The first that fits counts: {name} comes after words. */
+/* method, path, role, one line, handler, parameters. The first that fits counts: {name} comes after words. Below /api/v1
+ * other parameters are refused. */
 #define ROUTES(X)                                                                                                      \
     X("GET", "/healthz", ANYONE, "Health check: is the array being captured?", healthz)                                \
     X("GET", "/login", ANYONE, "A form for the token", http_do_login_form)                                             \
@@ -24,7 +25,7 @@
     X("GET", "/api/v1/tokens", CONTROL, "Named tokens: rights, end", http_do_tokens)                                   \
     X("POST", "/api/v1/tokens", CONTROL, "A named token; its secret is in this answer alone", http_do_token_add)       \
     X("POST", "/api/v1/tokens/{id}", CONTROL, "Revoke a named token", http_do_token_change)                            \
-    X("GET", "/api/v1/audit", CONTROL, "Who has changed what, one line of JSON each", http_do_audit)                   \
+    X("GET", "/api/v1/audit", CONTROL, "Who has changed what, one line of JSON each", http_do_audit, "limit")          \
     X("GET", "/", VIEW, "The page", page)                                                                              \
     X("GET", "/web/{file}", VIEW, "A file of the page", web)                                                           \
     X("GET", "/api/v1/openapi.json", VIEW, "This API", openapi)                                                        \
@@ -32,19 +33,21 @@
     X("GET", "/api/v1/cameras", VIEW, "The grid of cameras and each one's state", cameras)                             \
     X("GET", "/api/v1/labels", VIEW, "Classes, colours, shares of the picture", labels)                                \
     X("GET", "/api/v1/tracks", VIEW, "What moves: place, label, distance", tracks)                                     \
-    X("GET", "/api/v1/visits", VIEW, "What came into view, the newest first", http_do_visits)                          \
-    X("GET", "/api/v1/visits/days", VIEW, "Days on which visits came, with their number", http_do_visit_days)          \
+    X("GET", "/api/v1/visits", VIEW, "What came into view, the newest first", http_do_visits,                          \
+      "from", "to", "label", "zone", "before", "after", "reviewed", "limit")                                           \
+    X("GET", "/api/v1/visits/days", VIEW, "Days on which visits came, with their number", http_do_visit_days,          \
+      "from", "to", "label", "zone", "offset_min")                                                                     \
     X("POST", "/api/v1/visits", VIEW, "Change many visits at once; keep, delete: control", visits_change)              \
     X("POST", "/api/v1/visits/{id}", VIEW, "Mark a visit as reviewed; keep, delete: control", visit_change)            \
     X("GET", "/api/v1/visits/{id}/camera", VIEW, "A visit as a camera saw it", visit_camera)                           \
     X("GET", "/api/v1/visits/{id}/seen", VIEW, "A visit seen through what stood in front", visit_seen)                 \
-    X("GET", "/api/v1/events", VIEW, "Stored events, one line of JSON each", http_do_events)                           \
-    X("GET", "/api/v1/events/stream", VIEW, "Event stream", http_do_listen)                                            \
+    X("GET", "/api/v1/events", VIEW, "Stored events, one line of JSON each", http_do_events, "limit", "after")         \
+    X("GET", "/api/v1/events/stream", VIEW, "Event stream", http_do_listen, "after")                                   \
     X("GET", "/api/v1/views", VIEW, "Views and their settings", views)                                                 \
     X("POST", "/api/v1/views", VIEW, "A view with settings of its own", view_create)                                   \
     X("POST", "/api/v1/views/{id}", VIEW, "Change a view's settings; main: control", view_change)                      \
     X("POST", "/api/v1/views/{id}/remove", VIEW, "Remove the thing at a point; main: control", view_remove)            \
-    X("GET", "/api/v1/views/{id}/pick", VIEW, "What is under a point of a view", pick)                                 \
+    X("GET", "/api/v1/views/{id}/pick", VIEW, "What is under a point of a view", pick, "x", "y")                       \
     X("GET", "/stream", VIEW, "Moving picture of the main view", stream_main)                                          \
     X("GET", "/stream/labels", VIEW, "Moving picture of the labels", stream_labels)                                    \
     X("GET", "/stream/disparity", VIEW, "Moving picture of the disparity", stream_disparity)                           \
@@ -81,7 +84,7 @@
     X("POST", "/api/v1/calibration/check", CONTROL, "Check the calibration against the scene", calibration_check)      \
     X("GET", "/metrics", VIEW, "Counters and gauges for Prometheus", metrics)
 
-#define PUBLIC(method, path, role, what, handler) { method, path, SST_ROLE_##role, what },
+#define PUBLIC(method, path, role, what, handler, ...) { method, path, SST_ROLE_##role, what, { __VA_ARGS__ } },
 static const struct sst_route routes[] = { ROUTES(PUBLIC) };
 
 const struct sst_route *sst_http_routes(int *count)
@@ -416,7 +419,7 @@ static int video_view(struct http_request *q)
     return http_do_watch(q, SST_PICTURE_VIEW, q->name);
 }
 
-#define HANDLER(method, path, role, what, handler) handler,
+#define HANDLER(method, path, role, what, handler, ...) handler,
 static http_handler_fn *const handlers[] = { ROUTES(HANDLER) };
 
 http_handler_fn *http_handler(int index)

@@ -76,6 +76,10 @@ bool http_host_split(const char *text, char *host, int *port);
 /** Host of "http://host:port/path". @param host  out [256] @return false: malformed */
 bool http_url_host(const char *url, char *host);
 
+#define HTTP_AUTHORITY 300
+/** Path of a target, which may be in absolute form: "http://host:port/path". @param authority  out, "" without one */
+const char *http_target_path(const char *target, char authority[HTTP_AUTHORITY]);
+
 /** Is an Origin ("http://host:port") where a request with this Host goes? */
 bool http_same_origin(const char *origin, const char *host);
 
@@ -270,6 +274,7 @@ struct http_request {
     bool hang_up; /* the connection ends after the answer */
     enum sst_role role;
     unsigned rights;                     /* enum sst_right */
+    char authority[HTTP_AUTHORITY];      /* of a target in absolute form, in place of Host; "": none */
     char user[64];                       /* name of its token, or of a proxy's user; "": none */
     char name[HTTP_NAME_MAX + 1];        /* {a part} of the path */
     char who[96];                        /* the client, for messages */

@@ -15,6 +15,7 @@ int LLVMFuzzerInitialize(int *argc SST_UNUSED, char ***argv SST_UNUSED)
         "/api/v1/views/v1/pick",  "cam.example:8090",     "[::1]:80",         "http://localhost:8090",
         "Basic dXNlcjp0b2tlbg==", "x=1&token=+abcdef+&y", "W/\"ab\", \"cd\"", "application/json; charset=utf-8",
         "/web/%2e%2e%00/token",   "18446744073709551615", "bytes=0-499",      "bytes=-18446744073709551616",
+        "http://localhost/api/v1/status",
     };
 
     for (int i = 0; i < (int)ARRAY_LEN(seeds); i++)
@@ -25,7 +26,7 @@ int LLVMFuzzerInitialize(int *argc SST_UNUSED, char ***argv SST_UNUSED)
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     static const char *const patterns[] = { "/", "/web/{file}", "/api/v1/views/{id}/pick" };
-    char *text = malloc(size + 1), out[256];
+    char *text = malloc(size + 1), out[256], authority[HTTP_AUTHORITY];
     uint64_t number, first, bytes;
     int port;
 
@@ -35,6 +36,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         if (http_path_matches(patterns[i], text, out) && (strchr(out, '/') || out[0] == '.'))
             abort();
     }
+    if (*http_target_path(text, authority) != '/' && authority[0])
+        abort();
     if (http_host_split(text, out, &port) && (!out[0] || strpbrk(out, "/@ ") || port == 0 || port > 65535))
         abort();
     if (http_same_origin(text, "localhost:8090") && !strstr(text, "8090"))

@@ -373,6 +373,60 @@ static void hosts_and_origins(void **state)
     }
 }
 
+/* A target in absolute form counts instead of Host (RFC 9112, 3.2.2). */
+static void absolute_targets(void **state)
+{
+    static const struct {
+        const char *target, *head;
+        int status;
+    } cases[] = {
+        { "http://localhost/api/v1/status", "", 200 },
+        { "HTTPS://cam.example:8090/api/v1/visits?limit=3", "Host: other.example\r\n", 200 },
+        { "http://[::1]:80/api/v1/status", "", 200 },
+        { "http://evil.example/api/v1/status", "Host: localhost\r\n", 403 },
+        { "http://me@localhost/api/v1/status", "", 403 },
+        { "http:///api/v1/status", "", 404 },
+        { "ftp://localhost/api/v1/status", "", 404 },
+        { "http://localhost", "Accept: text/html\r\n", 200 },
+    };
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
+        print_message("%s\n", cases[i].target);
+        assert_int_equal(ask("GET", cases[i].target, with(cases[i].head, bearer(view)), NULL), cases[i].status);
+    }
+    assert_int_equal(ask("POST", "http://localhost/api/v1/reload",
+                         with(with("Host: cam.example\r\nOrigin: http://cam.example\r\n", JSON), bearer(control)), "{}"),
+                     403); /* of another origin than the target's */
+}
+
+static void parameters(void **state)
+{
+    static const struct {
+        const char *method, *target, *says;
+    } cases[] = {
+        { "GET", "/api/v1/visits?form=2026-11-21", "/api/v1/visits: unknown parameter `form`; did you mean `from`?" },
+        { "GET", "/api/v1/events?limit=2&colour=red", "unknown parameter `colour`; there are limit and after" },
+        { "GET", "/api/v1/audit?colour=red", "unknown parameter `colour`; there is limit" },
+        { "GET", "/api/v1/status?_=17", "unknown parameter `_`; it has none" },
+        { "GET", "/replay/api/v1/views/main/pick?x=1&y=1&z=1", "unknown parameter `z`" },
+        { "POST", "/api/v1/reload?dry_run=true", "unknown parameter `dry_run`; it has none" },
+        { "GET", "/snapshot?t=17", NULL }, /* addresses of pictures get such, against caches */
+        { "GET", "/?fbclid=17", NULL },
+        { "GET", "/api/v1/status?", NULL },
+    };
+
+    (void)state;
+    for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
+        const bool post = !strcmp(cases[i].method, "POST");
+
+        print_message("%s\n", cases[i].target);
+        assert_int_equal(ask(cases[i].method, cases[i].target, with(JSON, bearer(control)), post ? "{}" : NULL),
+                         cases[i].says ? 400 : 200);
+        assert_true(!cases[i].says || strstr(answer, cases[i].says));
+    }
+}
+
 static void bodies(void **state)
 {
     static const struct {
@@ -625,6 +679,8 @@ int main(void)
         cmocka_unit_test(logins_end_only_their_like),
         cmocka_unit_test_setup_teardown(login_and_page, make_server, end_service),
         cmocka_unit_test_setup_teardown(hosts_and_origins, make_server, end_service),
+        cmocka_unit_test_setup_teardown(absolute_targets, make_server, end_service),
+        cmocka_unit_test_setup_teardown(parameters, make_server, end_service),
         cmocka_unit_test_setup_teardown(bodies, make_server, end_service),
         cmocka_unit_test_setup_teardown(errors_of_the_service, make_server, end_service),
         cmocka_unit_test_setup_teardown(visits_are_asked_for, make_server, end_service),
