@@ -61,9 +61,11 @@ struct view {
     int64_t used_ns;                    /* time of the last request for it */
     struct sst_slot *slot;
     struct sst_livepicture *picture; /* live thread only; NULL: main's, while its settings are the same */
-    bool alone;                      /* has a picture of its own, or will have */
+    bool alone;                      /* has a picture of its own with any settings: something was removed by a click */
     uint64_t rendering;              /* number of the rendering that its picture comes from; live thread */
-    uint64_t shown_rendering;        /* number of the rendering that its clients have; live thread */
+    uint64_t shown_rendering;        /* number of the rendering that its clients have, and ... */
+    enum sst_livepicture_outline shown_outline;
+    bool shown_tint; /* ... what is drawn over it; live thread */
 };
 
 /** A picture shared by all clients: of a camera, of labels or disparities. */

@@ -25,6 +25,7 @@ static int change_objects(struct live_engine *v, struct view *e, struct request 
     r->objects = shown.objects;
     pthread_mutex_lock(&v->lock);
     e->shown.objects = shown.objects;
+    e->alone = r->kind == REQUEST_TOGGLE;
     e->version++;
     v->interaction_ns = sst_clock_now_ns();
     pthread_mutex_unlock(&v->lock);
@@ -39,9 +40,9 @@ static int serve(struct live_engine *v, struct view *e, struct request *r)
 
     pthread_mutex_lock(&v->lock);
     settings = e->settings;
-    if (r->kind != REQUEST_PICK && e != &v->view[0] && !e->picture) {
+    if (r->kind != REQUEST_PICK && e != &v->view[0]) {
         e->alone = true;
-        e->shown_version = 0; /* its picture is to be rendered */
+        e->shown_version = e->picture ? e->shown_version : 0; /* its picture is to be rendered */
     }
     pthread_mutex_unlock(&v->lock);
     if (r->kind == REQUEST_PICK && engine_view_shows_main(v, e, &settings))

@@ -336,16 +336,20 @@ static int show(struct live_engine *v, struct sst_slot *slot, const struct sst_i
     return sst_slot_put(slot, data, bytes, v->set_index, v->set_t_ns, v->set_wall_ns);
 }
 
-/* Is the picture of main also this view's? Settings that say the same render the same. */
+/* Is the picture of main also this view's? Settings that say the same render the same; what is drawn over it may differ. */
 bool engine_view_shows_main(struct live_engine *v, const struct view *e, const struct view_settings *settings)
 {
     const struct view *m = &v->view[0];
+    struct view_settings plain = *settings;
     json_t *own = NULL, *other = NULL;
     bool is = false;
 
     pthread_mutex_lock(&v->lock);
+    plain.outline = m->settings.outline;
+    plain.outline_moving = m->settings.outline_moving;
+    plain.tint = m->settings.tint;
     if (e != m && !e->alone && m->used && !m->shown.objects && !settings->follow_track) {
-        own = view_settings_json(settings);
+        own = view_settings_json(&plain);
         other = view_settings_json(&m->settings);
         is = own && other && json_equal(own, other);
     }
@@ -361,11 +365,14 @@ static struct view *owner_of(struct live_engine *v, struct view *e, const struct
 {
     struct view *o = engine_view_shows_main(v, e, settings) ? &v->view[0] : e;
 
+    if (o != e) { /* again, perhaps */
+        sst_livepicture_destroy(e->picture);
+        e->picture = NULL;
+    }
     if (o->picture)
         return o;
     if (sst_livepicture_create(&o->picture, v->live))
         return NULL;
-    o->alone = true;
     if (o != &v->view[0] && v->view[0].picture && sst_livepicture_remember(o->picture, v->view[0].picture))
         return NULL;
     return o;
@@ -376,6 +383,9 @@ static bool render_view(struct live_engine *v, struct view *e, const struct view
                         int64_t ns[2])
 {
     const int64_t start_ns = sst_clock_now_ns();
+    const enum sst_livepicture_outline outline = settings->outline          ? SST_OUTLINE_ALL
+                                                 : settings->outline_moving ? SST_OUTLINE_MOVING
+                                                                            : SST_OUTLINE_NONE;
     const struct sst_image *image;
     struct sst_livepicture_clear shown;
     struct sst_render_config render;
@@ -385,14 +395,7 @@ static bool render_view(struct live_engine *v, struct view *e, const struct view
     int err = o ? 0 : -ENOMEM;
 
     resolve(v, e, settings, &render);
-    if (!err) {
-        sst_livepicture_decorate(o->picture,
-                                 settings->outline          ? SST_OUTLINE_ALL
-                                 : settings->outline_moving ? SST_OUTLINE_MOVING
-                                                            : SST_OUTLINE_NONE,
-                                 settings->tint);
-        err = sst_livepicture_render(o->picture, &render, &image, &rendered_px);
-    }
+    err = err ? err : sst_livepicture_render(o->picture, &render, &image, &rendered_px);
     if (err == -ENODATA && render.method != SST_RENDER_REFOCUS) {
         render.method = SST_RENDER_REFOCUS; /* until there are disparities */
         err = sst_livepicture_render(o->picture, &render, &image, &rendered_px);
@@ -409,10 +412,14 @@ static bool render_view(struct live_engine *v, struct view *e, const struct view
     e->shown_focus_px = render.focus_px;
     e->shown = shown;
     pthread_mutex_unlock(&v->lock);
-    if (e->shown_rendering == o->rendering && !first && v->events)
+    if (e->shown_rendering == o->rendering && e->shown_outline == outline && e->shown_tint == settings->tint && !first &&
+        v->events)
         return false;
     e->shown_rendering = o->rendering;
-    err = show(v, e->slot, image, quality);
+    e->shown_outline = outline;
+    e->shown_tint = settings->tint;
+    err = sst_livepicture_decorate(o->picture, outline, settings->tint, &image);
+    err = err ? err : show(v, e->slot, image, quality);
     ns[1] += sst_clock_now_ns() - rendered_ns;
     return !err;
 }

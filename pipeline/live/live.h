@@ -272,8 +272,15 @@ enum sst_livepicture_outline {
 /** Give clear pictures the memory of another picture of the same scene. @return 0, -ENOMEM (logged) */
 SST_MUST_CHECK int sst_livepicture_remember(struct sst_livepicture *p, const struct sst_livepicture *from);
 
-/** Draw outlines, and a tint over pixels that were last seen more than a second ago. */
-void sst_livepicture_decorate(struct sst_livepicture *p, enum sst_livepicture_outline outline, bool tint);
+/**
+ * The last picture with outlines, and a tint over pixels that were last seen more than a second ago. Pictures that are not
+ * clear have neither.
+ *
+ * @param image  out, borrowed until the next call
+ * @return 0, -ENOMEM
+ */
+SST_MUST_CHECK int sst_livepicture_decorate(struct sst_livepicture *p, enum sst_livepicture_outline outline, bool tint,
+                                            const struct sst_image **image);
 
 /** About the last picture; all NaN or 0 for other methods. */
 struct sst_livepicture_clear {

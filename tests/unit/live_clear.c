@@ -123,12 +123,12 @@ static void threads_do_not_matter(void **state SST_UNUSED)
         show(&s, "bush", 160, 120, 3, false);
         s.live->cfg.threads = threads;
         assert_int_equal(sst_livepicture_create(&p, s.live), 0);
-        sst_livepicture_decorate(p, true, true);
         for (int i = 0; i < sets; i++) {
             set_scene(&s, "bush", 0.3 * i);
             s.live->low_confidence = i == 1; /* then rays are verified, too */
             take(&s, 1000000 + i * INT64_C(700000000));
             assert_int_equal(sst_livepicture_render(p, &cfg, &image, &px), 0);
+            assert_int_equal(sst_livepicture_decorate(p, SST_OUTLINE_ALL, true, &image), 0);
         }
         if (threads == 1) {
             assert_int_equal(sst_image_init(&first, 160, 120), 0);
@@ -287,6 +287,7 @@ static void unchanged_parts_are_kept(void **state SST_UNUSED)
     bool removed, toggled;
     struct shown s;
     struct both b;
+    const struct sst_image *image, *whole;
 
     show_box(&s);
     open_both(&b, &s, 9);
@@ -321,10 +322,9 @@ static void unchanged_parts_are_kept(void **state SST_UNUSED)
     b.cfg.cut_px = 10; /* of the same set */
     render_both(&b, &s);
     assert_int_equal(b.kept_px, all);
-    sst_livepicture_decorate(b.kept, true, true);
-    sst_livepicture_decorate(b.exact, true, true);
-    render_both(&b, &s);
-    assert_true(b.kept_px > 0); /* it changed, although nothing was coloured again */
+    assert_int_equal(sst_livepicture_decorate(b.kept, SST_OUTLINE_ALL, true, &image), 0);
+    assert_int_equal(sst_livepicture_decorate(b.exact, SST_OUTLINE_ALL, true, &whole), 0);
+    assert_true(same_image(image, whole));
     close_both(&b);
     hide(&s);
 }
@@ -425,12 +425,12 @@ static void outlines_and_other_methods(void **state SST_UNUSED)
         memcpy(plain.plane[c], image->plane[c], image->stride * 120);
     assert_int_equal(sst_livepicture_pick(p, 80, 20, &pick), 0);
     assert_true(fabs(pick.disp_px - pick.front_px) < 1); /* the wall, which nothing hides */
-    sst_livepicture_decorate(p, true, false);
+    assert_int_equal(sst_livepicture_decorate(p, SST_OUTLINE_ALL, false, &image), 0);
+    assert_false(same_image(image, &plain));
+    assert_int_equal(sst_livepicture_decorate(p, SST_OUTLINE_NONE, false, &image), 0);
+    assert_true(same_image(image, &plain));
     assert_int_equal(sst_livepicture_render(p, &cfg, &image, &px), 0);
-    assert_true(px && !same_image(image, &plain));
-    sst_livepicture_decorate(p, false, false);
-    assert_int_equal(sst_livepicture_render(p, &cfg, &image, &px), 0);
-    assert_true(px && same_image(image, &plain));
+    assert_true(px == 0 && same_image(image, &plain));
     sst_render_config_defaults(&sst);
     sst.focus_px = 5;
     assert_int_equal(sst_livepicture_render(p, &sst, &image, &px), 0);

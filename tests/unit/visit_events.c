@@ -1,5 +1,5 @@
 /* daemon/service/engine_visits.c, engine_lines.c: tracks, also of who is behind leaves, become visits in the events and
- * on disk: zones, direction, distance, and the lines that they cross. */
+ * on disk: zones, direction, distance, and the lines that they cross. engine_views.c: views that share a picture. */
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
@@ -521,6 +521,29 @@ static void who_is_lost_at_a_line_crosses_it(void **state)
     assert_int_equal(crossed(200, 440, 10, 40), 0); /* 20 s later */
 }
 
+/* What is drawn over a picture needs no other picture. */
+static void views_share_the_picture_of_main(void **state SST_UNUSED)
+{
+    struct view *m = &v->view[0], *e = &v->view[1];
+    struct view_settings settings;
+
+    view_settings_defaults(&settings, &v->config.live);
+    m->used = e->used = true;
+    m->settings = settings;
+    settings.tint = settings.outline = true;
+    settings.outline_moving = !settings.outline_moving;
+    assert_true(engine_view_shows_main(v, e, &settings));
+    assert_false(engine_view_shows_main(v, m, &settings));
+    settings.render.cut_px = 7;
+    assert_false(engine_view_shows_main(v, e, &settings));
+    settings.render.cut_px = m->settings.render.cut_px;
+    e->alone = true; /* something was removed from it */
+    assert_false(engine_view_shows_main(v, e, &settings));
+    e->alone = false;
+    m->shown.objects = 1;
+    assert_false(engine_view_shows_main(v, e, &settings));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -535,6 +558,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(too_slow_is_noticed, setup, teardown),
         cmocka_unit_test_setup_teardown(tracks_say_when_they_were_seen, setup, teardown),
         cmocka_unit_test_setup_teardown(who_is_lost_at_a_line_crosses_it, setup, teardown),
+        cmocka_unit_test_setup_teardown(views_share_the_picture_of_main, setup, teardown),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

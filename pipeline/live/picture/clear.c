@@ -33,8 +33,6 @@ struct picture_clear {
     struct sst_live *live;
     bool rendered;
     struct sst_render_config cfg; /* of the picture */
-    enum sst_livepicture_outline outline;
-    bool tint;
     bool taken_over; /* the memory is another picture's, until the first picture */
     unsigned objects_shown, objects_version;
     uint64_t serial, present_serial;
@@ -46,7 +44,7 @@ struct picture_clear {
     struct sst_map_u16 surface, sums;     /* sums: working memory of outlines; empty until the first ones */
     struct sst_map_u8 support, kind, cut; /* cut: 1: the reference view's pixel is removed */
     struct sst_livepicture_clear state;
-    struct sst_image *image; /* while rendering */
+    struct sst_image *image; /* that is decorated */
 };
 
 int picture_clear_create(struct picture_clear **out, struct sst_live *live)
@@ -216,6 +214,15 @@ static void mark_track(struct picture_clear *c, const struct sst_view *v, const 
     }
 }
 
+static bool has_tracks(const struct live_cut *cut)
+{
+    bool has = false;
+
+    for (int i = 0; i < cut->tracks && !has; i++)
+        has = cut->track[i].state != SST_LIVE_TRACK_COVERED;
+    return has;
+}
+
 /* Unmark removed pixels that belong to no track. */
 static void mark_moving(struct picture_clear *c, const struct sst_view *v)
 {
@@ -286,13 +293,13 @@ static int outline_band(void *arg, int index, int worker SST_UNUSED)
     return 0;
 }
 
-static int draw_outlines(struct picture_clear *c)
+static int draw_outlines(struct picture_clear *c, bool moving)
 {
     const int bands = (c->kind.height + BAND - 1) / BAND, threads = c->live->cfg.threads;
     const struct sst_view *v = lead_view(c->live);
     int err = 0;
 
-    if (!v)
+    if (!v || (moving && !has_tracks(&c->live->cut)))
         return 0;
     if (!c->sums.data) {
         err = sst_map_u16_init(&c->sums, c->kind.width, c->kind.height);
@@ -301,7 +308,7 @@ static int draw_outlines(struct picture_clear *c)
     if (err)
         return err;
     mark_cut(c, v);
-    if (c->outline == SST_OUTLINE_MOVING)
+    if (moving)
         mark_moving(c, v);
     sum_windows(c);
     err = sst_parallel_for(bands, threads, inside_band, c);
@@ -346,12 +353,14 @@ void picture_clear_remember(struct picture_clear *c, const struct picture_clear 
     c->taken_over = from->rendered || from->taken_over;
 }
 
-static int decorate(struct picture_clear *c)
+int picture_clear_decorate(struct picture_clear *c, enum sst_livepicture_outline outline, bool tint, struct sst_image *image)
 {
     const int bands = (c->kind.height + BAND - 1) / BAND;
-    int err = c->tint ? sst_parallel_for(bands, c->live->cfg.threads, tint_band, c) : 0;
+    int err;
 
-    return err || !c->outline ? err : draw_outlines(c);
+    c->image = image;
+    err = tint ? sst_parallel_for(bands, c->live->cfg.threads, tint_band, c) : 0;
+    return err || !outline ? err : draw_outlines(c, outline == SST_OUTLINE_MOVING);
 }
 
 /* The maps are of an earlier set: only rays that agree behind dense leaves show something. */
@@ -360,7 +369,7 @@ static bool is_late(const struct picture_clear *c)
     return c->live->late && c->rendered && c->behind.planned && isfinite(c->cfg.cut_px);
 }
 
-int picture_clear_render(struct picture_clear *c, const struct sst_render_config *cfg, struct picture_look look,
+int picture_clear_render(struct picture_clear *c, const struct sst_render_config *cfg, bool whole,
                          struct sst_image *image, int64_t *rendered_px)
 {
     const struct sst_live *live = c->live;
@@ -373,8 +382,8 @@ int picture_clear_render(struct picture_clear *c, const struct sst_render_config
     if (c->serial != live->serial)
         err = picture_objects_follow(&c->objects, &live->lf, live->focus.t_ns, live->cfg.threads);
     resolve(c, &wanted);
-    changed = look.whole || !c->rendered || c->serial != live->serial || c->present_serial != live->present_serial ||
-              c->objects_shown != c->objects_version || c->outline != look.outline || c->tint != look.tint ||
+    changed = whole || !c->rendered || c->serial != live->serial || c->present_serial != live->present_serial ||
+              c->objects_shown != c->objects_version ||
               !same(wanted.cut_px, c->cfg.cut_px) || wanted.remove_label != c->cfg.remove_label;
     *rendered_px = 0;
     if (err || !changed)
@@ -382,9 +391,6 @@ int picture_clear_render(struct picture_clear *c, const struct sst_render_config
     check_memory(c);
     c->rendered = false;
     c->cfg = wanted;
-    c->outline = look.outline;
-    c->tint = look.tint;
-    c->image = image;
     wanted.merge = &step;
     c->kept.stamp = live->stamp;
     c->kept.tile = SST_LIVE_TILE;
@@ -393,18 +399,16 @@ int picture_clear_render(struct picture_clear *c, const struct sst_render_config
     c->kept.serial = live->serial;
     c->kept.since = live->present_serial;
     err = sst_render(live->renderer, &wanted, image, NULL);
-    if (!err)
-        count_kinds(c);
-    err = err ? err : decorate(c);
     if (err)
         return err;
+    count_kinds(c);
     c->rendered = true;
     c->objects_shown = c->objects_version;
     c->serial = live->serial;
     c->present_serial = live->present_serial;
     c->state.cut_px = isfinite(wanted.cut_px) ? wanted.cut_px : NAN;
     *rendered_px = (int64_t)image->width * image->height;
-    if (step.kept) /* the memory, outlines and tint may have changed where no colour has */
+    if (step.kept) /* the memory may have changed where no colour has */
         *rendered_px = c->kept.coloured_px ? c->kept.coloured_px : 1;
     return 0;
 }

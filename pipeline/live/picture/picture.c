@@ -24,8 +24,7 @@ struct sst_livepicture {
     int cols, rows;
     struct picture_clear *clear; /* NULL until the first clear picture */
     bool is_clear;               /* the image */
-    enum sst_livepicture_outline outline;
-    bool tint;
+    struct sst_image decorated;  /* empty until it is needed */
     struct sst_liveposed_picture posed; /* in place of all above */
 };
 
@@ -65,6 +64,7 @@ void sst_livepicture_destroy(struct sst_livepicture *p)
     picture_clear_destroy(p->clear);
     sst_liveposed_picture_fini(&p->posed);
     sst_image_fini(&p->image);
+    sst_image_fini(&p->decorated);
     free(p->cells);
     free(p);
 }
@@ -240,9 +240,7 @@ static int render_clear(struct sst_livepicture *p, const struct sst_render_confi
     int err = reserve_clear(p);
 
     p->present_serial = UINT64_MAX; /* the image is not the plan's any more */
-    err = err ? err
-              : picture_clear_render(p->clear, cfg, (struct picture_look){ !p->is_clear, p->outline, p->tint },
-                                     &p->image, rendered_px);
+    err = err ? err : picture_clear_render(p->clear, cfg, !p->is_clear, &p->image, rendered_px);
     p->is_clear = !err;
     *image = &p->image;
     return err;
@@ -313,10 +311,24 @@ int sst_livepicture_render(struct sst_livepicture *p, const struct sst_render_co
 
 /* --- clear pictures ----------------------------------------------------------------------------------------------- */
 
-void sst_livepicture_decorate(struct sst_livepicture *p, enum sst_livepicture_outline outline, bool tint)
+int sst_livepicture_decorate(struct sst_livepicture *p, enum sst_livepicture_outline outline, bool tint,
+                             const struct sst_image **image)
 {
-    p->outline = outline;
-    p->tint = tint;
+    struct sst_image *to = &p->decorated;
+    int err = 0;
+
+    *image = p->live->posed ? &p->posed.image : &p->image;
+    if (!p->is_clear || (!outline && !tint))
+        return 0;
+    if (to->width != p->image.width || to->height != p->image.height) {
+        sst_image_fini(to);
+        err = sst_image_init(to, p->image.width, p->image.height);
+    }
+    if (err)
+        return err;
+    memcpy(to->plane[0], p->image.plane[0], 3 * to->stride * (size_t)to->height);
+    *image = to;
+    return picture_clear_decorate(p->clear, outline, tint, to);
 }
 
 int sst_livepicture_remember(struct sst_livepicture *p, const struct sst_livepicture *from)

@@ -197,15 +197,12 @@ void picture_clear_destroy(struct picture_clear *c);
 /** Take over the memory of another clear picture, for the next one that is rendered. */
 void picture_clear_remember(struct picture_clear *c, const struct picture_clear *from);
 
-struct picture_look {
-    bool whole; /* the image shows something else */
-    enum sst_livepicture_outline outline;
-    bool tint;
-};
-
-/** As sst_livepicture_render(), and with outlines and tint. @param image  out, of the light field's size */
-SST_MUST_CHECK int picture_clear_render(struct picture_clear *c, const struct sst_render_config *cfg,
-                                        struct picture_look look, struct sst_image *image, int64_t *rendered_px);
+/** As sst_livepicture_render(). @param whole  the image shows something else @param image  out, of the light field's size */
+SST_MUST_CHECK int picture_clear_render(struct picture_clear *c, const struct sst_render_config *cfg, bool whole,
+                                        struct sst_image *image, int64_t *rendered_px);
+/** Draw outlines and tint of the last picture. @param image  in, out, a copy of it */
+SST_MUST_CHECK int picture_clear_decorate(struct picture_clear *c, enum sst_livepicture_outline outline, bool tint,
+                                          struct sst_image *image);
 void picture_clear_state(const struct picture_clear *c, struct sst_livepicture_clear *out);
 SST_MUST_CHECK int picture_clear_pick(const struct picture_clear *c, int x, int y, struct sst_livepicture_pick *out);
 SST_MUST_CHECK int picture_clear_toggle(struct picture_clear *c, int x, int y, bool *removed);
