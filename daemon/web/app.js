@@ -353,7 +353,10 @@ function showRole() {
 
 /** The service may have been updated while the page was disconnected. */
 function welcome(body) {
-  if (status && status.version !== body.version) location.reload(); // the page changed with it
+  if (status && status.version !== body.version) { // the page changed with it
+    app.masks.stays = true;
+    location.reload();
+  }
   if (status && body.uptime_s < status.uptime_s) {
     events.restarted();
     app.focus.forget();

@@ -9,6 +9,7 @@ const ASK_MS = 400;   // without a picture that asks before
 const LEAST_MS = 80;
 const REST_MS = 1000; // while nothing moves
 const UNSEEN_MS = 700; // a box ends this long after its track was seen
+const BEHIND_MS = 3000; // most of what processing may be behind a camera's picture
 const KEY = "sst-boxes";
 const PERSONS = ["Pedestrian", "Person", "person"];
 
@@ -22,6 +23,8 @@ export class Boxes {
     this.app = app;
     this.stage = stage;
     this.tracks = [];
+    this.set_ms = NaN;   // time of their set
+    this.behind_ms = 0;  // age of the set before, in the picture, when this one came
     this.nodes = new Map(); // by number of the track
     this.wake = () => {};
     this.keeps = false;     // nothing that moves is removed
@@ -48,8 +51,8 @@ export class Boxes {
   async follow() {
     for (;;) {
       await visible();
-      this.tracks = await this.app.view.tracks().catch(() => []); // the next status request reports why not
-      this.show();
+      const { time, tracks } = await this.app.view.tracks().catch(() => ({ tracks: [] })); // the next status request reports why not
+      this.take(Date.parse(time), tracks);
       await new Promise((done) => setTimeout(done, LEAST_MS));
       await new Promise((done) => {
         this.wake = done;
@@ -58,16 +61,33 @@ export class Boxes {
     }
   }
 
+  take(set_ms, tracks) {
+    if (finite(set_ms) && set_ms !== this.set_ms) {
+      const behind_ms = this.stage.drawn_ms() - this.set_ms;
+      this.behind_ms = finite(behind_ms) ? Math.min(Math.max(behind_ms, 0), BEHIND_MS) : 0;
+      this.set_ms = set_ms;
+    }
+    this.tracks = tracks;
+    this.show();
+  }
+
   /** A new picture is drawn: its tracks are known, and earlier ones may be over. */
   picture() {
     this.wake();
     if (this.tracks.length) this.show();
   }
 
-  /** Was a track seen just before the picture that is shown, or before the last set where that brings none? By time: a slow machine has few sets. */
-  isFresh({ seen, set_time: time }) {
-    const now = Math.max(...[this.stage.drawn_ms(), Date.parse(time)].filter(finite));
+  /** Was a track seen just before the picture that is shown, or before the last set where that brings none? By time: a slow machine has few sets.
+   *  A camera's picture is ahead of processing, usually by behind_ms. */
+  isFresh({ seen }) {
+    const now = Math.max(...[this.stage.drawn_ms() - (this.stage.overlays.camera ? this.behind_ms : 0), this.set_ms].filter(finite));
     return !(now - Date.parse(seen) > UNSEEN_MS);
+  }
+
+  /** "1.2 s ago" where the picture shows a later moment than the box. */
+  ago({ seen }) {
+    const age_ms = this.stage.overlays.camera ? this.stage.drawn_ms() - Date.parse(seen) : 0;
+    return age_ms > UNSEEN_MS ? `${number(age_ms / 1000, 1)} s ago` : "";
   }
 
   /** Does the cut of this page's picture remove a track? Not with keep_moving. */
@@ -111,8 +131,9 @@ export class Boxes {
       $("boxes").append(node);
     }
     const node = this.nodes.get(track.track);
-    node.dataset.state = removed ? "removed" : track.state === "covered" ? "covered" : track.hidden ? "hidden" : "";
-    setText(node.firstElementChild, [capital(word(track)), metres(track), removed ? "removed" : ""].filter(Boolean).join(" · "));
+    const ago = this.ago(track);
+    node.dataset.state = removed ? "removed" : ago || track.state === "covered" ? "covered" : track.hidden ? "hidden" : "";
+    setText(node.firstElementChild, [capital(word(track)), metres(track), removed ? "removed" : "", ago].filter(Boolean).join(" · "));
     node.title = track.label_by === "size and motion" ? "By size and motion" : "";
     this.place(node, track.at ?? track.box);
   }

@@ -11,6 +11,7 @@ const MOST = 16;
 const AGAIN_MS = 5000; // lines that were copied may be in force by now
 const COLOUR = "#ff8f8f";
 const DRAWN = "sst-masks"; // in the tab's storage: all masks, while the service has others
+const COPIED = "sst-masks-copied"; // lines
 
 const cameraOf = ({ row, col }) => (finite(row) ? `r${row}c${col}` : "");
 
@@ -30,7 +31,8 @@ export class Masks extends Shapes {
     this.others = others;
     this.force = []; // masks of the configuration
     this.asked = false;
-    this.copied = ""; // lines
+    this.copied = session(COPIED) ?? ""; // lines
+    this.stays = false; // the page is loaded again, by itself
     this.opener = null;
     $("masks-close").addEventListener("click", () => this.toggle(false));
     $("masks-drawer").addEventListener("keydown", (event) => {
@@ -46,6 +48,8 @@ export class Masks extends Shapes {
     $("mask-cancel").addEventListener("click", () => this.cancel());
     $("mask-reset").addEventListener("click", () => this.leave(structuredClone(this.force)));
     $("mask-copy").addEventListener("click", () => this.copy());
+    addEventListener("beforeunload", (event) => { if (!this.stays && this.unsaved()) event.preventDefault(); });
+    if (session(DRAWN)) this.load().catch(() => {}); // the list reports it
     setInterval(() => { if (this.open && this.changed()) this.load().catch(() => {}); }, AGAIN_MS);
   }
 
@@ -75,6 +79,12 @@ export class Masks extends Shapes {
 
   store() {
     session(DRAWN, this.changed() ? JSON.stringify(this.all) : "");
+  }
+
+  /** Do drawn masks go with this tab? */
+  unsaved() {
+    const before = this.all[this.index]?.points ?? [];
+    return (this.edited && String(this.edited.points) !== String(before)) || (this.changed() && this.copied !== lines(this.all));
   }
 
   /** Drawn masks could be taken for ones in force. */
@@ -188,6 +198,7 @@ export class Masks extends Shapes {
     const field = $("mask-lines");
     field.select();
     this.copied = field.value;
+    session(COPIED, this.copied);
     const copied = () => toast("Copied.", "info", null, "mask-copy");
     const by_hand = () => toast("Your browser copies nothing from here: press Ctrl and C.", "info", null, "mask-copy");
     if (navigator.clipboard) navigator.clipboard.writeText(field.value).then(copied).catch(by_hand); // of secure pages

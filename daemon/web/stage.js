@@ -196,7 +196,7 @@ export class Stage {
       const found = await view.pick(x * this.canvas.width, y * this.canvas.height);
       const track = before.front_track;
       if (track && found.front_track !== track) {
-        if ((await view.tracks()).some((other) => other.track === track)) this.app.follow(track, before.front_name);
+        if ((await view.tracks()).tracks.some((other) => other.track === track)) this.app.follow(track, before.front_name);
         else toast(`${before.front_name || "What stood in front"} is gone.`);
         return;
       }

@@ -20,8 +20,8 @@ const TICKS = [60, 300, 600, 1800, 3600, 10800, 21600].map((s) => 1000 * s);
 const MOST = 1000;
 const ZOOM = 2; // of a press of a button or key
 
-const clock = (ms, seconds = true) => new Date(ms).toLocaleTimeString(undefined,
-  { hour: "2-digit", minute: "2-digit", ...(seconds ? { second: "2-digit" } : {}) });
+const [minutes, seconds] = [{}, { second: "2-digit" }].map((more) => new Intl.DateTimeFormat(undefined, { hour: "2-digit", minute: "2-digit", ...more }));
+const clock = (ms, exact = true) => (exact ? seconds : minutes).format(ms);
 
 export class Timeline {
   /** @param app  {replay, labels}; @param onPlay  async (time) */
@@ -153,15 +153,14 @@ export class Timeline {
     day.setAttribute("aria-valuenow", finite(at) ? Math.round((at - this.day) / 1000) : 0);
     day.setAttribute("aria-valuetext", finite(at) ? `${clock(at)}, ${[...words, recorded ? "recorded" : "not recorded"].join(", ")}`
       : `${clock(this.from, false)} to ${clock(this.to, false)}: ${this.visits.length} visits, ${this.recordings.length} recordings`);
-    const under = this.under(this.cursor);
-    this.drawTip([clock(this.cursor), ...(words.length || !under ? words : [`${what(under)}, ${clock(Date.parse(under.from))}`])].join(" · "), under);
+    const under = finite(this.cursor) ? this.under(this.cursor) : undefined;
+    $("day-cursor").hidden = !finite(this.cursor);
+    if (finite(this.cursor)) this.drawTip([clock(this.cursor), ...(words.length || !under ? words : [`${what(under)}, ${clock(Date.parse(under.from))}`])].join(" · "), under);
   }
 
   /** The picture of the visit under the pointer, and the time. */
   drawTip(text, visit) {
     const tip = $("day-cursor");
-    tip.hidden = !finite(this.cursor);
-    if (tip.hidden) return;
     setText($("day-cursor-text"), text);
     if (this.tip !== visit?.visit) {
       this.tip = visit?.visit;

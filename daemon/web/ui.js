@@ -41,6 +41,15 @@ export function setText(node, text) {
 
 const MOST_TOASTS = 4;
 
+/** A dialog covers and disables all but itself: messages are part of it while it is open. The last one lies over others. */
+function placeToasts() {
+  const place = [...document.querySelectorAll("dialog[open]")].at(-1) ?? document.body;
+  if ($("toasts").parentNode !== place) place.append($("toasts"));
+}
+
+const dialogs = new MutationObserver(placeToasts);
+for (const dialog of document.querySelectorAll("dialog")) dialogs.observe(dialog, { attributeFilter: ["open"] });
+
 /** kind: "info" | "error"; action: {text, href, download}; topic: replaces an earlier one of the same topic */
 export function toast(text, kind = "info", action = null, topic = text) {
   const box = $("toasts");
@@ -116,8 +125,11 @@ export const session = (key, value) => kept("sessionStorage", key, value);
 
 export const finite = (value) => typeof value === "number" && Number.isFinite(value);
 
+const formats = []; // by digits: making one takes longer than using it
+
 export function number(value, digits = 0) {
-  return finite(value) ? value.toLocaleString(undefined, { minimumFractionDigits: digits, maximumFractionDigits: digits }) : "–";
+  formats[digits] ??= new Intl.NumberFormat(undefined, { minimumFractionDigits: digits, maximumFractionDigits: digits });
+  return finite(value) ? formats[digits].format(value) : "–";
 }
 
 export function bytes(value) {

@@ -152,10 +152,9 @@ export class View {
     return this.retry((address) => post(`${address}/remove`, { x: Math.floor(x), y: Math.floor(y) }));
   }
 
-  /** Moving objects. */
-  async tracks() {
-    const { time, tracks } = await get(`${source.base}/api/v1/tracks`);
-    return tracks.map((track) => ({ ...track, set_time: time }));
+  /** Moving objects: {time: of their set, tracks}. */
+  tracks() {
+    return get(`${source.base}/api/v1/tracks`);
   }
 
   restore() {

@@ -33,7 +33,8 @@ TAP_S = 0.05  # from press to release, as the page sees it
 
 
 class Browser:
-    """One browser with one page. `problems` collects what its console complains about, with the time."""
+    """One browser with one page. `problems` collects what its console complains about, with the time; `dialogs` the kinds of
+    its own dialogs, which are accepted."""
 
     def __init__(self, light=False):
         self.folder = tempfile.mkdtemp(prefix="sst-page-")
@@ -56,7 +57,7 @@ class Browser:
         self.out = os.fdopen(down_w, "wb", buffering=0)
         self.inp = os.fdopen(up_r, "rb")
         self.answers, self.problems, self.next, self.session = {}, [], 0, None
-        self.workers = []
+        self.workers, self.dialogs = [], []
         self.lock = threading.Lock()
         threading.Thread(target=self.listen, daemon=True).start()
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
@@ -90,6 +91,9 @@ class Browser:
         kind, what = message["method"], message.get("params", {})
         if kind == "ServiceWorker.workerRegistrationUpdated":
             self.workers = [r["registrationId"] for r in what["registrations"] if not r["isDeleted"]]
+        if kind == "Page.javascriptDialogOpening":
+            self.dialogs.append(what["type"])
+            self.send(0, "Page.handleJavaScriptDialog", {"accept": True})
         if kind == "Runtime.exceptionThrown":
             details = what["exceptionDetails"]
             self.problems.append((time.time(), "exception", details.get("exception", {}).get("description", details["text"])))
@@ -99,15 +103,18 @@ class Browser:
             entry = what["entry"]
             self.problems.append((time.time(), entry["source"], f"{entry['text']} {entry.get('url', '')}"))
 
+    def send(self, number, method, params):
+        message = {"id": number, "method": method, "params": params}
+        if self.session and not method.startswith(("Browser.", "Target.")):
+            message["sessionId"] = self.session
+        self.out.write(json.dumps(message).encode() + b"\0")
+
     def call(self, method, **params):
         with self.lock:
             self.next += 1
             number = self.next
             waiting = self.answers[number] = queue.Queue()
-        message = {"id": number, "method": method, "params": params}
-        if self.session and not method.startswith(("Browser.", "Target.")):
-            message["sessionId"] = self.session
-        self.out.write(json.dumps(message).encode() + b"\0")
+        self.send(number, method, params)
         try:
             answer = waiting.get(timeout=60)
         except queue.Empty:

@@ -134,6 +134,7 @@ class Service:
         self.patch, self.camera_patch = {}, {}
         self.tracks = []  # as of /api/v1/tracks, of a set as long ago as:
         self.tracks_late_s = 0
+        self.tracks_at = None  # time of that set, while none is processed
         self.views = {"main": dict(copy.deepcopy(SETTINGS), removed=set(), viewers=0, seen=math.inf)}
         self.events, self.log, self.next_view = [], [], 1
         self.recording = None
@@ -412,7 +413,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
             merge(s.patch, body.get("status", {}))
             for name, patch in body.get("cameras", {}).items():
                 s.camera_patch.setdefault(name, {}).update(patch)
-            for key in ("role", "views_max", "refuse", "hold", "old", "computing", "stall", "preview", "hold_videos", "tracks", "many", "masks", "pause", "late_s", "tracks_late_s"):
+            for key in ("role", "views_max", "refuse", "hold", "old", "computing", "stall", "preview", "hold_videos", "tracks", "many", "masks", "pause", "late_s", "tracks_late_s", "tracks_at"):
                 if key in body:
                     setattr(s, key, body[key])
             for e in body.get("events", []):
@@ -464,8 +465,9 @@ class Handler(http.server.BaseHTTPRequestHandler):
             time.sleep(s.late_s)
             self.answer(200, s.world.data["refocus_00" if part[4] == "camera" else "sst_05"], "image/jpeg")
         elif path == "/api/v1/tracks":
-            self.answer(200, {"set": 1, "time": stamp(now() - datetime.timedelta(seconds=s.tracks_late_s)), "tracks": [
-                {"seen": stamp(now() - datetime.timedelta(seconds=s.tracks_late_s + t.get("unseen_s", 0))), **t} for t in s.tracks]})
+            at = datetime.datetime.fromisoformat(s.tracks_at) if s.tracks_at else now() - datetime.timedelta(seconds=s.tracks_late_s)
+            self.answer(200, {"set": 1, "time": stamp(at), "tracks": [
+                {"seen": stamp(at - datetime.timedelta(seconds=t.get("unseen_s", 0))), **t} for t in s.tracks]})
         elif path == "/api/v1/views":
             with s.lock:
                 self.answer(200, {"views": [s.view_json(name) for name in s.views]})

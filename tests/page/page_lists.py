@@ -140,6 +140,12 @@ def test_visits(b, fake):
     b.wait("document.getElementById('visit').open && document.getElementById('visit-title').textContent.includes('Car')")
     b.click("#visit-play")  # nothing was recorded then
     b.wait("document.getElementById('visit-facts').textContent.includes('no recording')")
+    b.js("document.getElementById('toasts').replaceChildren()")
+    fake.set(events=[{"level": 2, "type": "storage", "message": "The cellar is wet"}])
+    b.wait("document.getElementById('toasts').textContent.includes('The cellar is wet')")
+    b.click("#toasts .toast:last-child .icon")  # over the dialog, which covers all else
+    b.wait("document.getElementById('toasts').children.length === 0 && document.getElementById('visit').open")
+    b.js("document.getElementById('visit-close').focus()")
     b.key("ArrowRight", 39)
     b.wait("document.getElementById('visit-title').textContent.includes('Pedestrian')")
     check(len(b.js("document.getElementById('visit-way').getAttribute('points')").split()) == 3, "no way")
@@ -622,6 +628,8 @@ def test_masks(b, fake):
     shown = "[...document.querySelectorAll('#mask-marks .zone-name')].map((n) => n.textContent).join()"
     text = "document.getElementById('mask-lines').value"
 
+    asks = "!dispatchEvent(new Event('beforeunload', {cancelable: true}))"
+
     def open_masks():
         b.click("#tab-overview")
         b.wait("document.querySelector('.cell[data-name=r0c1]')?.checkVisibility()")
@@ -659,8 +667,13 @@ def test_masks(b, fake):
     b.wait("document.getElementById('toasts').textContent.includes('Not in force: back-door')")
     check(b.js(shown) == "window,back-door, not in force", f"outlines are named {b.js(shown)}")
     check(b.js("[...document.querySelectorAll('#mask-shapes .line')].map((n) => getComputedStyle(n).strokeDasharray).join()") == "none,6px, 4px", "outlines look alike")
-    reload(b)
-    open_masks()  # the drawn mask is still there
+    check(not b.dialogs, "the page asks before it is needed")
+    reload(b)  # the page asks before it goes, with the tab perhaps, and finds the drawn mask again
+    check(b.dialogs == ["beforeunload"], f"asked by {b.dialogs}")
+    b.wait(asks)
+    b.js("document.getElementById('mask-copy').click()")
+    check(not b.js(asks), "the page asks although the lines were copied")
+    open_masks()
     b.wait(f"{text}.includes('back-door') && !document.getElementById('mask-changes').hidden")
     check(b.js("document.getElementById('mask-list').textContent").count("not in force") == 1, "a mask in force looks as if it were drawn")
     b.js("document.getElementById('mask-of').value = ''; document.getElementById('mask-of').dispatchEvent(new Event('change'))")

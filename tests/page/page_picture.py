@@ -1,6 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The sst contributors
 # SPDX-License-Identifier: Apache-2.0
 """What users do with the picture: tests of test_page.py."""
+import datetime
 import json
 import urllib.request
 
@@ -256,9 +257,11 @@ def test_boxes(b, fake):
     b.wait(f"{badge}.firstElementChild.textContent === '1 person removed, 4.4 m'")
     b.js("document.querySelector('#overlay [value=camera]').click()")
     b.wait(f"{badge}.hidden && {said} === 'Person · 4.4 m,Moving thing · 7.7 m'")  # the camera removes nobody
-    fake.set(tracks_late_s=2)  # a slow machine: the camera's pictures go on, without their tracks
+    fake.set(tracks_late_s=1.5)  # a slow machine: the camera's pictures go on, their tracks come later
+    b.wait(f"/^Person · 4.4 m · [12].. s ago,Moving thing · 7.7 m · [12].. s ago$/.test({said}) && document.querySelector('.box').dataset.state === 'covered'")
+    fake.set(tracks_at=datetime.datetime.now(datetime.timezone.utc).isoformat())  # nothing is processed
     b.wait(f"{said} === ''")
-    fake.set(tracks_late_s=0)
+    fake.set(tracks_late_s=0, tracks_at=None)
     b.wait(f"{said} === 'Person · 4.4 m,Moving thing · 7.7 m'")
     b.js("document.querySelector('#overlay [value=\"\"]').click()")
     b.click("#boxes-on")
