@@ -2,12 +2,14 @@
  * commands that a user would type. */
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
+#include <dirent.h>
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "base/file.h"
+#include "base/log.h"
 #include "cli/cli_internal.h"
 #include "pipeline/eval/evaluation.h"
 #include "pipeline/image/codec.h"
@@ -92,6 +94,41 @@ static int name_files(struct demo *d, const char *out, const char *scene)
     err = err ? err : sst_path_join(d->why, out, "why");
     err = err ? err : sst_path_join(d->disparity, d->why, "disparity.png");
     return err ? err : sst_path_join(d->sheet, out, "side-by-side.png");
+}
+
+/* A folder of an earlier run is replaced as a whole: nothing else may be in it. @return 0, -EEXIST (logged) */
+static int check_own(const char *folder, const char *const *own)
+{
+    DIR *dir = opendir(folder);
+    const struct dirent *e;
+    int err = 0;
+
+    while (dir && !err && (e = readdir(dir))) {
+        int i = 0;
+
+        while (own[i] && strcmp(own[i], e->d_name) != 0)
+            i++;
+        if (own[i] || !strcmp(e->d_name, ".") || !strcmp(e->d_name, ".."))
+            continue;
+        sst_log_error("%s is replaced, and %s in it is not of the demo; move that, or give another folder by -o", folder,
+                      e->d_name);
+        err = -EEXIST;
+    }
+    if (dir)
+        closedir(dir);
+    return err;
+}
+
+static int check_earlier(const struct demo *d)
+{
+    static const char *const lf[] = { "lightfield.json", "views", "truth", "disparity", "confidence", "entropy", "labels",
+                                      "labels_hcsm", "labels_initial", NULL };
+    static const char *const why[] = { "explain.json", "disparity.png", "confidence.png", "entropy.png", "labels.png",
+                                       "labels_hcsm.png", "rays.png", "weight.png", "weight_depth.png", "weight_label.png",
+                                       NULL };
+    const int err = check_own(d->lf, lf);
+
+    return err ? err : check_own(d->why, why);
 }
 
 /* Is there a gap in depth between what stands in front and the rest? */
@@ -220,6 +257,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
     scene = scene ? scene : "bush";
     d.device = device;
     r = cli_exit_code(name_files(&d, out, scene));
+    r = r ? r : cli_exit_code(check_earlier(&d));
     r = r ? r : cli_exit_code(sst_path_make_dir(out));
     r = r ? r : run_steps(&d, scene, preset, size);
     if (r == CLI_OK) {

@@ -32,6 +32,10 @@ echo '{}' >once/why/explain.json
 "$sst" demo --once --scene cell --size 96x72 --preset preview -o once >out 2>err || fail "a second run: $(cat err)"
 [ -s once/side-by-side.png ] && grep -q disparity_px once/why/explain.json || fail "the pictures of the second run: $(cat out)"
 
+echo precious >once/why/mine
+want 4 "once/why is replaced, and mine in it is not of the demo" demo --once --scene cell --size 96x72 --preset preview -o once
+[ -s once/why/mine ] && [ -s once/why/explain.json ] || fail "a file of the user's, or what was there, is gone"
+
 # A session ends with its program, also while its world is prepared.
 printf 'scene: hedge\ngrid: [1, 2]\nsize: [160, 192]\n' >new.yaml
 timeout 120 "$build/sst-sim" --at-once --quiet --cache new --world new.yaml -- true 2>err || fail "a world that is prepared keeps its session: $(cat err)"
