@@ -63,9 +63,9 @@ struct view {
     struct sst_livepicture *picture; /* live thread only; NULL: main's, while its settings are the same */
     bool alone;                      /* has a picture of its own with any settings: something was removed by a click */
     uint64_t rendering;              /* number of the rendering that its picture comes from; live thread */
-    uint64_t shown_rendering;        /* number of the rendering that its clients have, and ... */
+    uint64_t shown_rendering;        /* number of the rendering that its clients have, and its decoration; live thread */
     enum sst_livepicture_outline shown_outline;
-    bool shown_tint; /* ... what is drawn over it; live thread */
+    bool shown_tint;
 };
 
 /** A picture shared by all clients: of a camera, of labels or disparities. */

@@ -336,7 +336,7 @@ static int show(struct live_engine *v, struct sst_slot *slot, const struct sst_i
     return sst_slot_put(slot, data, bytes, v->set_index, v->set_t_ns, v->set_wall_ns);
 }
 
-/* Is the picture of main also this view's? Settings that say the same render the same; what is drawn over it may differ. */
+/* Is the picture of main also this view's? Settings that say the same render the same, with any outlines and tint. */
 bool engine_view_shows_main(struct live_engine *v, const struct view *e, const struct view_settings *settings)
 {
     const struct view *m = &v->view[0];

@@ -9,7 +9,7 @@ const ASK_MS = 400;   // without a picture that asks before
 const LEAST_MS = 80;
 const REST_MS = 1000; // while nothing moves
 const UNSEEN_MS = 700; // a box ends this long after its track was seen
-const BEHIND_MS = 3000; // most of what processing may be behind a camera's picture
+const BEHIND_MS = 3000; // limit of the lag of processing behind a camera's picture
 const KEY = "sst-boxes";
 const PERSONS = ["Pedestrian", "Person", "person"];
 

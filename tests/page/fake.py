@@ -134,7 +134,7 @@ class Service:
         self.patch, self.camera_patch = {}, {}
         self.tracks = []  # as of /api/v1/tracks, of a set as long ago as:
         self.tracks_late_s = 0
-        self.tracks_at = None  # time of that set, while none is processed
+        self.tracks_at = None  # time of the last set, while none is processed
         self.views = {"main": dict(copy.deepcopy(SETTINGS), removed=set(), viewers=0, seen=math.inf)}
         self.events, self.log, self.next_view = [], [], 1
         self.recording = None

@@ -521,7 +521,7 @@ static void who_is_lost_at_a_line_crosses_it(void **state)
     assert_int_equal(crossed(200, 440, 10, 40), 0); /* 20 s later */
 }
 
-/* What is drawn over a picture needs no other picture. */
+/* Outlines and tint are drawn over a shared picture. */
 static void views_share_the_picture_of_main(void **state SST_UNUSED)
 {
     struct view *m = &v->view[0], *e = &v->view[1];
