@@ -5,8 +5,7 @@
 need vulkan
 driver=$(compgen -G '/usr/share/vulkan/icd.d/lvp_icd*.json' | head -n 1)
 [ -n "$driver" ] || { fail "no lavapipe: install mesa-vulkan-drivers"; exit 1; }
-export VK_DRIVER_FILES=$driver VK_ICD_FILENAMES=$driver XDG_CACHE_HOME=$tmp/cache
-mkdir cache
+export VK_DRIVER_FILES=$driver VK_ICD_FILENAMES=$driver
 
 # Judged by Khronos' validation layers where they are installed.
 validate() { [ ! -e /usr/share/vulkan/explicit_layer.d/VkLayer_khronos_validation.json ] || export SST_GPU_VALIDATE=1; }

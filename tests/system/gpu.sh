@@ -6,6 +6,8 @@
 set -u
 . "$(dirname "$0")/../lib.sh"
 . "$root/tests/lavapipe.sh"
+export XDG_CACHE_HOME=$tmp/cache
+mkdir cache
 validate
 
 "$sst" scene bush --size 160x120 -o world || exit 1
