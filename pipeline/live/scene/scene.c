@@ -24,6 +24,9 @@
  * open, which is shown and followed at the rate of the maps. */
 #define LATE_CONFIRMED 0.95
 #define LATE_SHARE     0.5
+/* While maps wait, less motion lets them wait, too: a gust is not even. */
+#define LATE_AGAIN     0.2
+#define LATE_AGAIN_NS  1500000000
 #define LATE_NS        550000000
 #define LATE_TRACK_NS  350000000
 /* Part of a box that must have a label. */
@@ -255,6 +258,12 @@ static int64_t late_ns(const struct sst_livescene *s)
     return LATE_NS;
 }
 
+/* The fraction of changed tiles above which they may. */
+static double late_share(const struct sst_livescene *s)
+{
+    return s->late_t_ns && s->t_ns - s->late_t_ns < LATE_AGAIN_NS ? LATE_AGAIN : LATE_SHARE;
+}
+
 /* May the maps stay as they are in this set? */
 static bool may_wait(const struct sst_livescene *s, int64_t tiles)
 {
@@ -271,7 +280,7 @@ static bool may_wait(const struct sst_livescene *s, int64_t tiles)
             return false;
         all += s->lf->views[view].present ? s->tiles : 0;
     }
-    return (double)tiles > LATE_SHARE * (double)all;
+    return (double)tiles > late_share(s) * (double)all;
 }
 
 /* Compute the changed tiles, as far as possible. */
