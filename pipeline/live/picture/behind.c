@@ -27,7 +27,9 @@
 #define RUN          5 /* cells beside each other have their turn together: votes are counted in runs of cells */
 #define CELL_LEVEL   1 /* of votes: their cells are as high as the cells here */
 #define EXPLORE      3 /* one cell in this many times as many is tried on another plane; at the start ... */
-#define START_ROUNDS (2 * PICTURE_PLANES) /* ... for this many sets every second one */
+#define START_TRIED  4 /* ... one in this many in every set, until each was tried on all; until then ... */
+#define START_TURNS  2 /* ... stale cells are rendered within this number of sets: no set takes twice as long as usual */
+#define START_ROUNDS (START_TRIED * PICTURE_PLANES)
 
 void picture_behind_fini(struct picture_behind *b)
 {
@@ -240,11 +242,17 @@ static int turns_of(const struct picture_behind *b, int at)
     return b->turns * picture_behind_slowness(b, at);
 }
 
-/* Is a stale cell rendered in this round? At the start and in exact mode all are. */
+static bool is_starting(const struct picture_behind *b)
+{
+    return b->round < START_ROUNDS;
+}
+
+/* Is a stale cell rendered in this round? All in the first one and in exact mode. */
 static bool has_turn(const struct picture_behind *b, const struct sst_live *live, int at)
 {
-    return b->round < START_ROUNDS || !live->cfg.skip_change || b->cell[at].stale >= turns_of(b, at) ||
-           (run_of(b, at) + b->round) % turns_of(b, at) == 0;
+    const int turns = !b->round ? 1 : is_starting(b) ? START_TURNS : turns_of(b, at);
+
+    return !live->cfg.skip_change || b->cell[at].stale >= turns || (run_of(b, at) + b->round) % turns == 0;
 }
 
 static void mark_stale(struct picture_behind *b, const struct sst_live *live)
@@ -332,8 +340,8 @@ static int candidate(const struct picture_behind *b, int at)
 
     if (!b->cell[at].holes || b->cell[at].stale)
         return -1;
-    if (b->round < START_ROUNDS)
-        return (run + b->round) % 2 ? -1 : (1 + b->round / 2) % b->planned;
+    if (is_starting(b))
+        return (run + b->round) % START_TRIED ? -1 : (1 + b->round / START_TRIED) % b->planned;
     if ((run + b->round) % turns)
         return -1;
     return (plane + (b->round / turns % 2 ? 1 : b->planned - 1)) % b->planned;
