@@ -346,6 +346,7 @@ static bool process_set(struct live_engine *v, const struct sst_kept *kept, uint
 
     fill_input(v, kept);
     pthread_mutex_lock(&v->lock);
+    v->input.crowded = dropped && !(v->config.live.rate_hz > 0); /* else they are left out on demand */
     engine_note_passed_locked(v, dropped);
     pthread_mutex_unlock(&v->lock);
     if (demand != ENGINE_PICTURES)

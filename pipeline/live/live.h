@@ -66,6 +66,7 @@ struct sst_live_input {
     uint64_t set;
     int64_t t_ns;
     bool unseen; /* no pictures are needed for now: the background thread does not start */
+    bool crowded; /* sets came that were left out: there is no processor time to spare */
     struct {
         const uint8_t *data; /* NULL: missing; the view is not updated */
         size_t bytes, stride;

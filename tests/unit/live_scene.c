@@ -422,25 +422,59 @@ static void a_scene_at_rest_becomes_better_once(void **state SST_UNUSED)
     close_field(&f);
 }
 
+/* Objects left behind are counted until they are gone: until then the process must not exit(). */
+static void await_left_behind(int64_t start_ns)
+{
+    while (sst_livescene_left_behind() && sst_clock_now_ns() - start_ns < INT64_C(60000000000))
+        nanosleep(&(struct timespec){ .tv_nsec = 20000000 }, NULL);
+    assert_int_equal(sst_livescene_left_behind(), 0);
+}
+
+/* All tiles have been still for long. @return has the background started? */
+static bool start_still(struct field *f, bool crowded)
+{
+    for (int view = 0; view < 9; view++)
+        for (int i = 0; i < TILES; i++)
+            f->scene->changed_ns[view][i] = sst_clock_now_ns() - INT64_C(3000000000);
+    f->scene->next_start_ns = 0;
+    scene_start_background(f->scene, crowded);
+    return !scene_background_idle(f->scene->background);
+}
+
+static void the_background_rests(void **state SST_UNUSED)
+{
+    const int64_t minute_ns = INT64_C(60000000000);
+    struct field f;
+
+    open_with_background(&f);
+    assert_false(start_still(&f, true));
+    assert_false(start_still(&f, false)); /* sets have just been left out */
+    f.scene->crowded_ns = 0;
+    for (int view = 0; view < 9; view++)
+        memset(f.scene->settled[view], view < 7, TILES * sizeof(bool)); /* little becomes better */
+    f.scene->took_ns = minute_ns;
+    f.scene->rested_ns = sst_clock_now_ns() - 4 * minute_ns;
+    assert_false(start_still(&f, false));
+    f.scene->rested_ns -= minute_ns;
+    assert_true(start_still(&f, true));
+    sst_livescene_cancel(f.scene);
+    close_field(&f);
+    await_left_behind(sst_clock_now_ns());
+}
+
 static void closing_does_not_wait_for_the_background(void **state SST_UNUSED)
 {
-    const int64_t still_ns = sst_clock_now_ns() + INT64_C(2300000000);
     int64_t start_ns;
     struct field f;
 
     open_with_background(&f);
-    while (sst_clock_now_ns() < still_ns) {
-        nanosleep(&(struct timespec){ .tv_nsec = 20000000 }, NULL);
-        update(&f);
-    }
+    assert_true(start_still(&f, false));
+    nanosleep(&(struct timespec){ .tv_nsec = 200000000 }, NULL);
     start_ns = sst_clock_now_ns();
     sst_livescene_cancel(f.scene);
     close_field(&f);
     assert_quick(start_ns, INT64_C(500000000));
-    /* Objects left behind are counted until they are gone: until then the process must not exit(). */
-    while (sst_livescene_left_behind() && sst_clock_now_ns() - start_ns < INT64_C(60000000000))
-        nanosleep(&(struct timespec){ .tv_nsec = 20000000 }, NULL);
-    assert_int_equal(sst_livescene_left_behind(), 0);
+    await_left_behind(start_ns);
 }
 
 int main(void)
@@ -459,6 +493,7 @@ int main(void)
         serial_test(no_texture_is_waited_out),
         cmocka_unit_test(cancel_ends_updates),
         serial_test(a_scene_at_rest_becomes_better_once),
+        cmocka_unit_test(the_background_rests),
         cmocka_unit_test(closing_does_not_wait_for_the_background),
     };
 

@@ -145,6 +145,7 @@ int sst_livescene_open(struct sst_livescene **out, const struct sst_live_config 
     s->rows = (lf->height + SST_LIVE_TILE - 1) / SST_LIVE_TILE;
     s->tiles = s->cols * s->rows;
     s->error_labels = s->confirmed = NAN;
+    s->rested_ns = sst_clock_now_ns();
     s->tracks.next_id = 1;
     err = allocate(s);
     if (err)
@@ -396,7 +397,7 @@ int sst_livescene_update(struct sst_livescene *s, struct sst_liveframes_changes 
     if (err)
         s->whole_next = true;
     else if (s->ready && !in->unseen)
-        scene_start_background(s);
+        scene_start_background(s, in->crowded);
     if (!err && !report->late)
         follow_tracks(s, in->t_ns);
     if (err == -ENOMEM)

@@ -357,6 +357,8 @@ struct sst_livescene {
     int64_t *changed_ns[SST_MAX_VIEWS]; /* [tiles] last change of the picture */
     bool *settled[SST_MAX_VIEWS];       /* [tiles] maps come from the background */
     int64_t copied_ns, next_start_ns;   /* of the background */
+    int64_t rested_ns, took_ns;         /* end of its last run, or opening; its duration, 0: none */
+    int64_t crowded_ns;                 /* when sets were last left out; 0: never */
     double error_labels;
     double confirmed; /* of the report */
     /* of this set */
@@ -408,7 +410,7 @@ SST_MUST_CHECK int scene_open_segmenter(struct sst_livescene *s, int worker);
 
 /* --- scene_settle.c ----------------------------------------------------------------------------------------------- */
 
-/** Start the background if the scene is static enough. */
-void scene_start_background(struct sst_livescene *s);
+/** Start the background if the scene is static enough, and it has rested. @param crowded  of the input */
+void scene_start_background(struct sst_livescene *s, bool crowded);
 
 #endif

@@ -15,11 +15,27 @@
 /* Pause after a failure of the background. */
 #define RETRY_NS INT64_C(60000000000)
 
-void scene_start_background(struct sst_livescene *s)
+/* A run takes all idle time for seconds, and slows what shares a core with it. For little to improve it rests after a
+ * run for this multiple of its duration; while sets are left out, and for this time after, for a minute. */
+#define REST_TIMES   5
+#define MOST_SHARE   0.3
+#define CROWDED_NS   INT64_C(2000000000)
+#define CROWDED_REST INT64_C(60000000000)
+
+static int64_t rest_ns(const struct sst_livescene *s, int64_t now, bool little)
+{
+    const int64_t rest = little ? REST_TIMES * s->took_ns : 0;
+    const bool crowded = s->crowded_ns && now - s->crowded_ns < CROWDED_NS;
+
+    return crowded && rest < CROWDED_REST ? CROWDED_REST : rest;
+}
+
+void scene_start_background(struct sst_livescene *s, bool crowded)
 {
     const int64_t now = sst_clock_now_ns();
     int64_t all = 0, still = 0, better = 0;
 
+    s->crowded_ns = crowded ? now : s->crowded_ns;
     if (!s->background || now < s->next_start_ns)
         return;
     s->next_start_ns = now + CHECK_EVERY_NS;
@@ -35,6 +51,7 @@ void scene_start_background(struct sst_livescene *s)
         }
     }
     if ((double)still < STILL_SHARE * (double)all || (double)better < BETTER_SHARE * (double)all ||
+        now - s->rested_ns < rest_ns(s, now, (double)better < MOST_SHARE * (double)all) ||
         !scene_background_idle(s->background))
         return;
     if (scene_background_start(s->background, s->lf->range_min_px, s->lf->range_max_px)) {
@@ -155,6 +172,8 @@ bool sst_livescene_settle(struct sst_livescene *s, struct sst_liveframes_changes
     if (!s->background || !scene_background_done(s->background))
         return false;
     from = scene_background_result(s->background);
+    s->rested_ns = sst_clock_now_ns();
+    s->took_ns = s->rested_ns - s->copied_ns;
     if (!from) {
         s->next_start_ns = sst_clock_now_ns() + RETRY_NS;
         return false;
