@@ -11,7 +11,7 @@
 #define SKIP_SETS    4        /* every view is scanned at least once in this number of sets, ... */
 #define REST_SETS    50       /* ... after this number of sets in which nothing changed, ... */
 #define REST_SKIP    16       /* ... in this number, ... */
-#define REST_NS      80000000 /* ... or twice that where sets come faster than this */
+#define REST_NS      120000000 /* ... or twice that where sets come faster than this */
 #define FEW_SCANS    3        /* up to this number of scans, another thread costs more than it saves */
 #define FEW_VIEWS    12       /* up to this number of views, all are scanned */
 #define MOST_CHANGED 0.6      /* from this fraction of all tiles on, everything is accepted */
