@@ -11,8 +11,8 @@
  * pictures) tracks=0 (1: prints them) alarms=0 (false ones accepted an hour of things behind leaves; 0: no search).
  * slowest=0: stage times of this number of sets, the slowest first. paced=0: as the service does on this number of
  * processors, by CPU time, whatever else runs: sets that come while one is worked on are left out, and sets=N is the
- * number that come; prints sets a second and latencies. steady=0: figures of sets from this one on. truth=LABEL: how right that label is in every set,
- * and how often it is reported to have appeared (of a world with ideal cameras). */
+ * number that come; prints sets a second and latencies. steady=0: figures of sets from this one on. truth=LABEL: how
+ * right that label is in every set, and how often it is reported to have appeared (of a world with ideal cameras). */
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
@@ -67,7 +67,9 @@ struct cost {
     double stage_ms[SST_LIVE_STAGES + 3][SETS_MAX]; /* and update, picture, JPEG */
     double cpu_ms[SETS_MAX], anew[SETS_MAX], changed[SETS_MAX];
     int set[SETS_MAX], n;
-    double latency_ms[SETS_MAX], begun_s, free_s; /* of paced sets: since the first figure; when the processors are free */
+    /* of paced sets */
+    double latency_ms[SETS_MAX];
+    double begun_s, free_s; /* end of the first one; when the processors are free */
 };
 
 static double option(const char *name)
@@ -346,7 +348,8 @@ static void print(const char *name, double *v, int n)
     for (int i = 0; i < n; i++)
         sum += v[i] / n;
     sst_stats_sort_double(v, n);
-    printf("%-22s mean %8.2f  p50 %8.2f  p90 %8.2f  p99 %8.2f  max %8.2f\n", name, sum, v[n / 2], v[n * 9 / 10], v[n * 99 / 100], v[n - 1]);
+    printf("%-22s mean %8.2f  p50 %8.2f  p90 %8.2f  p99 %8.2f  max %8.2f\n", name, sum, v[n / 2], v[n * 9 / 10],
+           v[n * 99 / 100], v[n - 1]);
 }
 
 static const char *const stage_names[] = { "find changes, ms", "decode, ms",  "rectify, ms",

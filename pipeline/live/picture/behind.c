@@ -28,7 +28,7 @@
 #define CELL_LEVEL   1 /* of votes: their cells are as high as the cells here */
 #define EXPLORE      3 /* one cell in this many times as many is tried on another plane; at the start ... */
 #define START_TRIED  4 /* ... one in this many in every set, until each was tried on all; until then ... */
-#define START_TURNS  2 /* ... stale cells are rendered within this number of sets: no set takes twice as long as usual */
+#define START_TURNS  2 /* ... stale cells are rendered within this number of sets, so that no set takes long */
 #define START_ROUNDS (START_TRIED * PICTURE_PLANES)
 
 void picture_behind_fini(struct picture_behind *b)
