@@ -13,6 +13,7 @@
 
 #define HOUR_NS     3600000000000
 #define MINUTE_NS   60000000000
+#define CLOCK_NS    2000000000 /* a step of the wall clock that begins a new recording */
 #define RETRY_NS    1000000000 /* between attempts to begin a recording */
 #define SILENT_NS   5000000000 /* without live pictures or sets: recordings that wait for them end */
 #define POLL_MS     100
@@ -35,6 +36,7 @@ struct active {
     bool reduced;              /* of some sets */
     struct set_parts parts;    /* of a reduced one with `tiles` */
     int64_t first_ns, last_ns; /* set.t_ns of the first and last set; with sets */
+    int64_t clock_ns;          /* wall time less set.t_ns of the last set */
     int64_t side_bytes;        /* about, of the manifest and the view, which are not removed in pieces */
     struct view_files view;
     bool view_lost;       /* writing it failed */
@@ -330,14 +332,14 @@ static int64_t shown_from(const struct active *a, const struct sst_jpeg *jpeg)
 
 static int64_t wall_of(const struct active *a, const struct sst_jpeg *jpeg)
 {
-    return jpeg->wall_ns + shown_from(a, jpeg) - jpeg->t_ns;
+    return jpeg->t_ns > a->first_ns ? jpeg->wall_ns : a->first_ns + a->clock_ns; /* the clock may have been set since */
 }
 
 static int write_picture(struct active *a, const struct sst_jpeg *jpeg)
 {
     int err = a->view.index ? 0 : view_begin(&a->view, a->dir);
 
-    return err ? err : view_write(&a->view, jpeg, shown_from(a, jpeg));
+    return err ? err : view_write(&a->view, jpeg, shown_from(a, jpeg), wall_of(a, jpeg));
 }
 
 /* Write the pictures that were shown since the last set. */
@@ -451,7 +453,7 @@ static bool is_over(const struct active *a, const struct wanted *p, const struct
         if (f)
             return f->fourcc != a->fourcc || f->width != a->width || f->height != a->height ||
                    (a->entry.sets &&
-                    (age_ns >= HOUR_NS || (p->part_bytes && a->side_bytes >= p->part_bytes) ||
+                    (age_ns >= HOUR_NS || llabs(set->wall_ns - set->t_ns - a->clock_ns) > CLOCK_NS || (p->part_bytes && a->side_bytes >= p->part_bytes) ||
                      (a->continuous && age_ns >= MINUTE_NS && set->wall_ns / HOUR_NS != a->begun_hour)));
     }
     return false;
@@ -494,6 +496,7 @@ static void account(struct active *a, const struct sst_frameset *set)
         a->begun_hour = set->wall_ns / HOUR_NS;
     }
     a->last_ns = set->t_ns;
+    a->clock_ns = set->wall_ns - set->t_ns;
     a->entry.sets++;
     a->entry.to_ns = set->wall_ns;
     a->side_bytes += LIST_BYTES * (set->present + 3);

@@ -129,8 +129,9 @@ struct view_files {
 
 /** Create them in a recording's folder. @return 0 or -errno; logged. Waits for the disk. */
 SST_MUST_CHECK int view_begin(struct view_files *f, const char *dir);
-/** @param t_ns  when it is to be shown: its own time, or the recording's beginning @return 0 or -errno; not logged */
-SST_MUST_CHECK int view_write(struct view_files *f, const struct sst_jpeg *jpeg, int64_t t_ns);
+/** @param t_ns  when it is to be shown: its own time, or the recording's beginning; wall_ns is the same by the wall clock
+ * @return 0 or -errno; not logged */
+SST_MUST_CHECK int view_write(struct view_files *f, const struct sst_jpeg *jpeg, int64_t t_ns, int64_t wall_ns);
 /** Close them; the last picture is shown until end_ns. @return 0 or the error that it met; not logged */
 int view_end(struct view_files *f, int64_t end_ns, int64_t end_wall_ns);
 

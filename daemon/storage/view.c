@@ -221,10 +221,9 @@ static int write_line(struct view_files *f, const struct video_line *line)
     return 0;
 }
 
-int view_write(struct view_files *f, const struct sst_jpeg *jpeg, int64_t t_ns)
+int view_write(struct view_files *f, const struct sst_jpeg *jpeg, int64_t t_ns, int64_t wall_ns)
 {
-    const struct video_line line = { t_ns, jpeg->wall_ns + (t_ns - jpeg->t_ns), jpeg->set, f->at,
-                                     (int64_t)jpeg->bytes };
+    const struct video_line line = { t_ns, wall_ns, jpeg->set, f->at, (int64_t)jpeg->bytes };
     const int err = sst_file_write_at(f->fd, jpeg->data, jpeg->bytes, f->at);
 
     if (err)

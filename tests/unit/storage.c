@@ -757,6 +757,37 @@ static void an_export_is_of_the_moment(void **state)
     bench_fini(&b);
 }
 
+/* The clock is set back by an hour, later on by two: a moment is found in the recording of its time. */
+static void a_moment_is_found_although_the_clock_was_set(void **state)
+{
+    const int64_t base_ns = sst_clock_now_ns() - 8000 * MS, wall_ns = sst_clock_wall_ns() - 8000 * MS;
+    char path[SST_PATH_MAX], name[64], of[SST_PATH_MAX];
+    uint64_t first;
+    struct bench b;
+
+    (void)state;
+    bench_init(&b, SST_RECORD_CONTINUOUS);
+    hold_everything(&b);
+    bench_open_storage(&b);
+    bench_wait_ready(&b);
+    for (int i = 0; i < 3; i++) {
+        b.wall_ns = -i * HOUR_NS;
+        for (int k = 0; k < 20; k++)
+            bench_put(&b, base_ns + (i * 20 + k) * 100 * MS);
+    }
+    bench_wait_event(&b, "record-start", "continuous", 3);
+    bench_wait(&b, "recording", "sets", 20);
+    for (int i = 0; i < 3; i++) {
+        assert_int_equal(bench_recording(&b, i, path), 3);
+        assert_int_equal(sst_storage_hold(b.storage, NULL, wall_ns - i * HOUR_NS + (i * 2000 + 900) * MS, name, of), 0);
+        assert_string_equal(name, sst_path_base(path));
+        sst_storage_release(b.storage, name);
+        assert_int_equal(bench_check(&b, path, &first), 20); /* no set is lost where one ends */
+        assert_int_equal(first, 20 * i);
+    }
+    bench_fini(&b);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -778,6 +809,7 @@ int main(void)
         TEST(what_is_not_ours_stays),
         TEST(a_snapshot_can_be_taken_away),
         TEST(an_export_is_of_the_moment),
+        TEST(a_moment_is_found_although_the_clock_was_set),
     };
     const int rc = begin_tests(WITH_AVFORMAT);
 
