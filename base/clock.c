@@ -9,6 +9,9 @@
 #include <string.h>
 #include <time.h>
 
+#define STEP_NS   2000000000
+#define STEADY_NS 600000000000
+
 static int64_t read_ns(clockid_t id)
 {
     struct timespec ts;
@@ -38,6 +41,16 @@ int64_t sst_clock_cpu_ns(void)
 int64_t sst_clock_wall_ns(void)
 {
     return read_ns(CLOCK_REALTIME);
+}
+
+bool sst_clock_is_steady(struct sst_clock_watch *w)
+{
+    const int64_t now_ns = sst_clock_now_ns(), offset_ns = sst_clock_wall_ns() - now_ns;
+
+    if (!w->since_ns || llabs(offset_ns - w->offset_ns) > STEP_NS)
+        w->since_ns = now_ns;
+    w->offset_ns = offset_ns;
+    return now_ns - w->since_ns > STEADY_NS;
 }
 
 void sst_clock_text(char out[SST_CLOCK_TEXT], int64_t wall_ns)

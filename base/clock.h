@@ -20,6 +20,16 @@ int64_t sst_clock_cpu_ns(void);
 /** CLOCK_REALTIME in nanoseconds. */
 int64_t sst_clock_wall_ns(void);
 
+/** Watch on the wall clock for steps; zeroed: it begins. */
+struct sst_clock_watch {
+    int64_t offset_ns, since_ns;
+};
+/**
+ * Has the wall clock run for ten minutes without a step of more than 2 s, as far as calls saw it? Nothing is removed by
+ * its age before: a clock that is wrong for a moment costs nothing.
+ */
+bool sst_clock_is_steady(struct sst_clock_watch *w);
+
 #define SST_CLOCK_TEXT 32
 /** "2026-11-21T18:05:00.123Z". */
 void sst_clock_text(char out[SST_CLOCK_TEXT], int64_t wall_ns);

@@ -306,8 +306,12 @@ static enum sst_service_phase judge(struct sst_service *s, const struct array_st
 static void watch_clock(struct sst_service *s)
 {
     const int64_t offset_ns = sst_clock_wall_ns() - sst_clock_now_ns(), step_ns = offset_ns - s->wall_offset_ns;
+    bool steady;
 
     s->wall_offset_ns = offset_ns;
+    steady = sst_clock_is_steady(&s->clock);
+    sst_visits_clock(s->visits, steady);
+    sst_cases_clock(s->cases, steady);
     if (step_ns > CLOCK_STEP_NS || step_ns < -CLOCK_STEP_NS)
         sst_events_emit(
             s->events, SST_EVENT_WARNING, "clock", json_pack("{s:I}", "step_ms", (json_int_t)(step_ns / 1000000)),

@@ -10,6 +10,7 @@
 #include <stdio.h>
 
 #include "base/base.h"
+#include "base/clock.h"
 #include "capture/array/capture.h"
 #include "capture/array/ring.h"
 #include "capture/link/link.h"
@@ -338,6 +339,7 @@ struct sst_service {
     /* main thread */
     unsigned generation;    /* of the layout that was passed to storage */
     int64_t wall_offset_ns; /* wall less monotonic */
+    struct sst_clock_watch clock;
     int64_t cpu_ns, cpu_at_ns;
     struct array_state array_now; /* the last state; too large for a stack, as the next two */
     struct array_layout layout_now;

@@ -9,6 +9,7 @@
 #include <fcntl.h>
 #include <inttypes.h>
 #include <pthread.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -26,7 +27,7 @@
 #define KEPT          20 /* finished ones; then the oldest goes */
 #define JOBS          (QUEUE + KEPT)
 #define KEPT_DAYS     7
-#define LIMIT_NS      INT64_C(3600000000000) /* between removals of old cases */
+#define LIMIT_NS      INT64_C(10000000000) /* between removals of old cases */
 #define MEASURE_NS    INT64_C(500000000)     /* between looks at the size of the case that is made */
 #define FOLDER        "videos"
 #define MAKING        ".making"
@@ -63,6 +64,7 @@ struct sst_cases {
     pthread_t thread;
     pthread_mutex_t lock;
     pthread_cond_t changed;
+    SST_ATOMIC(bool) steady; /* is the wall clock: ages count */
     /* under lock */
     char site[256];
     struct job job[JOBS]; /* in their order; the queue's after the finished ones */
@@ -135,7 +137,7 @@ static void limit_locked(struct sst_cases *c)
     for (int i = 0; i < c->jobs; i++) {
         struct job *j = &c->job[i];
 
-        if (j->state < CASE_DONE || j->readers || (finished <= KEPT && j->made_ns > oldest_ns))
+        if (j->state < CASE_DONE || j->readers || (finished <= KEPT && (j->made_ns > oldest_ns || !atomic_load(&c->steady))))
             continue;
         remove_files(c, j->name);
         drop_locked(c, j);
@@ -475,6 +477,12 @@ int sst_cases_open(struct sst_cases **out, const struct sst_cases_config *cfg)
     }
     *out = c;
     return 0;
+}
+
+void sst_cases_clock(struct sst_cases *c, bool steady)
+{
+    if (atomic_exchange(&c->steady, steady) != steady) /* the lock is held while files are removed */
+        pthread_cond_broadcast(&c->changed);
 }
 
 void sst_cases_configure(struct sst_cases *c, const char *site)

@@ -38,6 +38,8 @@ struct sst_case_span {
 /** Remove the rest of a killed process, and start the thread. @return 0, -ENOMEM, -EAGAIN */
 SST_MUST_CHECK int sst_cases_open(struct sst_cases **out, const struct sst_cases_config *cfg);
 void sst_cases_configure(struct sst_cases *c, const char *site);
+/** Whether ages count, by sst_clock_is_steady(); at first they do not. */
+void sst_cases_clock(struct sst_cases *c, bool steady);
 
 /** Bytes below the folder, for the quota: called when they change, from the thread, until sst_cases_stop(). */
 void sst_cases_report(struct sst_cases *c, void (*changed)(void *arg, int64_t bytes), void *arg);

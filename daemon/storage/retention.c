@@ -21,8 +21,6 @@
 
 #define PASS_MS     500
 #define RESCAN_NS   60000000000
-#define STEADY_NS   600000000000 /* without a step of the wall clock before ages count */
-#define STEP_NS     2000000000
 #define MARGIN_S    2  /* of sets that may arrive between two passes */
 #define PARTS       10 /* of the room: at most one part is removed at once */
 #define PART_MIN    ((int64_t)1 << 20)
@@ -35,8 +33,9 @@ struct retention {
     dev_t dev[2]; /* of dir and its recordings/, as they were when it was locked */
     ino_t ino[2];
     bool scanned;
-    int64_t scan_ns, clock_ns, steady_ns; /* last scan; wall less monotonic clock; steady since */
-    bool steady;
+    int64_t scan_ns; /* of the last scan */
+    struct sst_clock_watch clock;
+    bool steady; /* is the wall clock, so that ages count */
     bool stuck; /* the active recording cannot be trimmed */
     char said[SST_LOG_MAX];
 };
@@ -298,16 +297,6 @@ static void measure_active(struct retention *r)
 
 /* --- limits ------------------------------------------------------------------------------------------------------- */
 
-static void follow_clock(struct retention *r)
-{
-    const int64_t now_ns = sst_clock_now_ns(), offset_ns = sst_clock_wall_ns() - now_ns;
-
-    if (!r->steady_ns || llabs(offset_ns - r->clock_ns) > STEP_NS)
-        r->steady_ns = now_ns;
-    r->clock_ns = offset_ns;
-    r->steady = now_ns - r->steady_ns > STEADY_NS;
-}
-
 static int64_t margin_of(const struct store_settings *set, int64_t limit_bytes, int64_t set_bytes)
 {
     const double rate = set->array.recorder.rate_hz > 0 ? set->array.recorder.rate_hz : 1;
@@ -549,7 +538,7 @@ static int pass(struct retention *r)
         return PASS_MS;
     check_active(r);
     store_remove_deleted(s);
-    follow_clock(r);
+    r->steady = sst_clock_is_steady(&r->clock);
     err = apply_limits(r);
     if (err) {
         report_folder(r, err, s->dir);

@@ -24,6 +24,7 @@
 #define PICTURE_MOST ((size_t)64 << 20)
 #define KEEP         "-keep" /* an empty file of this ending: the visit stays when its day is removed */
 #define BUSY_MS      3000
+#define LOOK_NS      INT64_C(600000000000) /* between looks for days that have become too old */
 #define SHARE        10 /* one part in this of the room is for visits */
 #define SLACK        20 /* one part in this of the share is free after a removal */
 
@@ -99,8 +100,10 @@ static int write_job(struct sst_visits *v, const struct job *job)
     if (err)
         return err;
     before = visits_file_bytes(path);
-    err = job->picture < 0 ? append(path, job->data, job->bytes, strncmp(v->swept, job->name, DAY) != 0)
+    err = job->picture < 0 ? append(path, job->data, job->bytes, strncmp(v->begun, job->name, DAY) != 0)
                            : sst_file_write(path, job->data, job->bytes);
+    if (job->picture < 0 && !err)
+        snprintf(v->begun, sizeof(v->begun), "%.*s", DAY, job->name);
     v->bytes += visits_file_bytes(path) - before;
     return err;
 }
@@ -234,17 +237,17 @@ static void remove_day(struct sst_visits *v, const char *day)
     sst_path_remove_tree(day);
 }
 
-/* Once for each day that something is stored in. */
-static void remove_old(struct sst_visits *v, const char *name, int days)
+/* Once a day, and for another number of days. */
+static void remove_old(struct sst_visits *v, int days)
 {
     char oldest[SST_CLOCK_TEXT], path[SST_PATH_MAX];
     struct dirent **day;
     int n;
 
-    if (!strncmp(v->swept, name, DAY))
-        return;
-    snprintf(v->swept, sizeof(v->swept), "%.*s", DAY, name);
     sst_clock_text(oldest, sst_clock_wall_ns() - (int64_t)days * 86400 * INT64_C(1000000000));
+    if (!days || !strncmp(v->swept, oldest, DAY))
+        return;
+    snprintf(v->swept, sizeof(v->swept), "%.*s", DAY, oldest);
     n = visits_days(v, &day);
     for (int i = 0; i < n; i++) {
         int kept = 0;
@@ -340,13 +343,16 @@ static void *run(void *arg)
     pthread_mutex_lock(&v->lock);
     while (!v->stop || v->jobs) {
         struct job job;
-        int days = v->days, err;
         int64_t bytes;
+        int err;
 
         if (v->relimited) {
+            const int days = v->steady ? v->days : 0;
+
             v->relimited = false;
             pthread_mutex_unlock(&v->lock);
             pthread_mutex_lock(&v->files);
+            remove_old(v, days);
             apply_share(v);
             bytes = v->bytes;
             pthread_mutex_unlock(&v->files);
@@ -355,7 +361,7 @@ static void *run(void *arg)
         }
         if (!v->jobs) {
             if (!v->stop && !v->relimited)
-                pthread_cond_wait(&v->changed, &v->lock);
+                v->relimited |= !sst_cond_wait_until(&v->changed, &v->lock, sst_clock_now_ns() + LOOK_NS);
             continue;
         }
         job = v->job[0];
@@ -369,7 +375,6 @@ static void *run(void *arg)
             sst_log_warning("visit %s cannot be stored in %s: %s; until this changes visits are events only", job.name,
                             v->dir, strerror(-err));
         v->failed = err;
-        remove_old(v, job.name, days);
         apply_share(v);
         bytes = v->bytes;
         pthread_mutex_unlock(&v->files);
@@ -412,6 +417,19 @@ void sst_visits_configure(struct sst_visits *v, int days)
 {
     pthread_mutex_lock(&v->lock);
     v->days = days;
+    v->relimited = true;
+    pthread_cond_broadcast(&v->changed);
+    pthread_mutex_unlock(&v->lock);
+}
+
+void sst_visits_clock(struct sst_visits *v, bool steady)
+{
+    pthread_mutex_lock(&v->lock);
+    if (v->steady != steady) {
+        v->steady = steady;
+        v->relimited = true;
+        pthread_cond_broadcast(&v->changed);
+    }
     pthread_mutex_unlock(&v->lock);
 }
 

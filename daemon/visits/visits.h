@@ -25,6 +25,8 @@ enum sst_visit_picture {
  */
 SST_MUST_CHECK int sst_visits_open(struct sst_visits **out, const char *dir, int days);
 void sst_visits_configure(struct sst_visits *v, int days);
+/** Whether ages count, by sst_clock_is_steady(); at first they do not. */
+void sst_visits_clock(struct sst_visits *v, bool steady);
 
 /**
  * Keep all visits within a share of the disk: beyond it the oldest that are not marked by sst_visits_keep() are

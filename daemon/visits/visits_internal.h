@@ -31,7 +31,8 @@ struct sst_visits {
     bool failed;   /* writer's: the last file could not be written */
     int64_t bytes; /* under files: of all visits; and whether visits kept for good fill the share: */
     bool full;
-    char swept[DAY + 1];   /* writer's: day of the last removal of old ones */
+    char begun[DAY + 1];   /* writer's: day of the last line */
+    char swept[DAY + 1];   /* writer's: days before it have been removed */
     pthread_mutex_t files; /* held while files are written or removed */
     pthread_mutex_t lock;
     pthread_cond_t changed;
@@ -42,7 +43,7 @@ struct sst_visits {
     void (*report)(void *arg, int64_t bytes);
     void *report_arg;
     bool limited, relimited; /* there is a share; it is another one, or visits were deleted */
-    bool stop, ended;
+    bool stop, ended, steady; /* steady: is the wall clock */
 };
 
 /** Is this the name of a visit? Then it is the beginning of a file's name, too. */
