@@ -2,13 +2,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "base/log.h"
 
+#include <poll.h>
+#include <pthread.h>
 #include <stdarg.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <string.h>
+#include <unistd.h>
 
 static _Atomic int level_shown = SST_LOG_WARNING;
-static atomic_bool journal;
+static atomic_bool journal, waits_never;
+static pthread_mutex_t writing = PTHREAD_MUTEX_INITIALIZER;
+static unsigned long lost; /* under writing */
 static _Thread_local char *held, *copied;
 static _Thread_local size_t copied_size;
 
@@ -43,7 +48,33 @@ void sst_log_set_level(enum sst_log_level level)
     level_shown = level;
 }
 
-/* One fprintf per line, so that lines of several threads do not mix. */
+void sst_log_never_wait(void)
+{
+    waits_never = true;
+}
+
+/* One fprintf per line, so that lines of several threads do not mix. Pipes and sockets that are writable have room for one. */
+static void write_line(const char *prefix, const char *name, const char *text)
+{
+    struct pollfd fd = { .fd = STDERR_FILENO, .events = POLLOUT };
+    char gap[64] = "";
+
+    if (!waits_never) {
+        fprintf(stderr, "%ssst: %s: %s\n", prefix, name, text);
+        return;
+    }
+    pthread_mutex_lock(&writing);
+    if (poll(&fd, 1, 0) != 1 || !(fd.revents & POLLOUT)) {
+        lost++;
+    } else {
+        if (lost)
+            snprintf(gap, sizeof(gap), "%ssst: warning: %lu lines of the log are lost\n", prefix, lost);
+        lost = 0;
+        fprintf(stderr, "%s%ssst: %s: %s\n", gap, prefix, name, text);
+    }
+    pthread_mutex_unlock(&writing);
+}
+
 static void emit(enum sst_log_level level, const char *fmt, va_list args)
 {
     static const char *const names[] = { "error", "warning", "info", "debug" };
@@ -66,7 +97,7 @@ static void emit(enum sst_log_level level, const char *fmt, va_list args)
     if (level == SST_LOG_ERROR && held)
         memcpy(held, text, sizeof(text));
     else
-        fprintf(stderr, "%ssst: %s: %s\n", journal ? prefixes[level] : "", names[level], text);
+        write_line(journal ? prefixes[level] : "", names[level], text);
 }
 
 #define DEFINE_LOG(name, level)                                                                                        \

@@ -66,5 +66,8 @@ int sst_program_begin(struct sst_program *p, struct sst_config *config, int argc
     sst_config_defaults(config);
     if (sst_config_read(config, p->config))
         return EXIT_CONFIG;
-    return check ? EXIT_SUCCESS : SST_PROGRAM_GO_ON;
+    if (check)
+        return EXIT_SUCCESS;
+    sst_log_never_wait();
+    return SST_PROGRAM_GO_ON;
 }

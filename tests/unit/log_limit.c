@@ -2,12 +2,15 @@
  * remembered. */
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
+#define _GNU_SOURCE
 #include <arpa/inet.h>
+#include <fcntl.h>
 #include <netinet/in.h>
 #include <stdio.h>
 #include <string.h>
 #include <unistd.h>
 
+#include "base/log.h"
 #include "base/log_limit.h"
 #include "tests/test.h"
 
@@ -112,12 +115,42 @@ static void many_addresses_share_a_line(void **state SST_UNUSED)
                                     "sst: warning: gate: refused: 983 more of other addresses within a minute\n");
 }
 
+/* Standard error that nobody reads holds nothing up; what is lost is counted in the next line that has room. */
+static void lines_that_nobody_reads_are_lost(void **state SST_UNUSED)
+{
+    char text[8192], *line = text;
+    int end[2], written = 0, n;
+    unsigned long lost = 0;
+
+    assert_int_equal(pipe2(end, O_CLOEXEC | O_NONBLOCK), 0);
+    assert_true(fcntl(end[1], F_SETPIPE_SZ, 4096) >= 4096);
+    assert_int_equal(fcntl(end[1], F_SETFL, 0), 0); /* as a journal's: writing waits */
+    assert_true(dup2(end[1], STDERR_FILENO) >= 0);
+    sst_log_never_wait();
+    for (int i = 0; i < 1000; i++)
+        sst_log_error("line %03d ..............................................................................", i);
+    while ((n = (int)read(end[0], text, sizeof(text) - 1)) > 0)
+        for (text[n] = 0, line = text; (line = strchr(line, '\n')); line++)
+            written++;
+    sst_log_error("the last");
+    n = (int)read(end[0], text, sizeof(text) - 1);
+    (void)log_text();
+    assert_true(written > 0 && written < 1000 && n > 0);
+    text[n] = 0;
+    assert_int_equal(sscanf(text, "sst: warning: %lu lines of the log are lost\n", &lost), 1);
+    assert_int_equal(lost, 1000 - written);
+    assert_non_null(strstr(text, "lost\nsst: error: the last\n"));
+    close(end[0]);
+    close(end[1]);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup(one_line_a_minute_and_a_count, set_up),
         cmocka_unit_test_setup(quiet_addresses_are_forgotten, set_up),
         cmocka_unit_test_setup(many_addresses_share_a_line, set_up),
+        cmocka_unit_test_setup(lines_that_nobody_reads_are_lost, set_up), /* the last: it is so for good */
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
