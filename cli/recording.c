@@ -11,14 +11,17 @@
 #include "cli/cli_internal.h"
 
 #define MAX_NAMED 8                   /* cameras or sets named in one line */
-#define TABLE     64                  /* bytes of a frame in the tables of a segment, at most */
+#define TABLE     64                  /* bytes of a frame in the tables of a segment, at most, and between two frames */
+#define HEAD      4096                /* bytes of a segment before its first frame, at most, and of each camera in them */
+#define HEAD_CAM  512
 #define AHEAD_NS  INT64_C(1000000000) /* clocks of several hosts agree better than this */
 
 /* Frames of a segment that the index names. */
 struct segment {
     int number, frames;
     int64_t bytes, widest; /* of all its sets; of the largest one */
-    bool damaged;
+    int64_t end, hole;     /* of the frames of the last set; bytes between sets that no line names */
+    bool damaged, skipped; /* skipped: the line of the last set cannot be read */
 };
 
 struct summary {
@@ -47,13 +50,37 @@ static void end_segment(struct summary *s, const struct sst_recording *recording
     const struct segment *g = &s->segment;
     const int64_t size = g->frames && !g->damaged ? sst_recording_segment_size(recording, g->number) : -1;
     const int64_t unknown = size - g->bytes - (int64_t)TABLE * g->frames;
+    const int64_t lost = size >= 0 && unknown > 2 * g->widest ? unknown : g->hole;
 
-    if (size >= 0 && unknown > 2 * g->widest) {
+    if (lost) {
         s->unlisted++;
-        s->unlisted_bytes += unknown;
+        s->unlisted_bytes += lost;
         s->index_lost = true;
     }
     s->segment = (struct segment){ .number = next };
+}
+
+/* Sets lie one behind the other: a hole is that of a set whose line is lost. */
+static void find_hole(struct summary *s, const struct sst_recording_set *set)
+{
+    struct segment *g = &s->segment;
+    const int64_t most = g->end ? g->end + TABLE : HEAD + (int64_t)HEAD_CAM * s->info->cameras;
+    int64_t begin = INT64_MAX, end = 0;
+
+    for (int k = 0; k < s->info->cameras; k++) {
+        const struct sst_recording_frame *f = &set->frame[k];
+
+        if (!f->present || f->offset < 0)
+            continue;
+        begin = f->offset < begin ? f->offset : begin;
+        end = f->offset + (int64_t)f->bytes > end ? f->offset + (int64_t)f->bytes : end;
+    }
+    if (!end)
+        return;
+    if (!g->skipped && begin > most)
+        g->hole += begin - g->end;
+    g->end = end;
+    g->skipped = false;
 }
 
 static void add_set(struct summary *s, const struct sst_recording_set *set, bool damaged)
@@ -109,6 +136,7 @@ static int scan(struct summary *s, const struct sst_recording *recording, bool v
         int cam = -1;
 
         err = sst_recording_set(recording, i, &set);
+        s->segment.skipped |= err != 0;
         if (!err) {
             if (set.segment != s->segment.number)
                 end_segment(s, recording, set.segment);
@@ -116,6 +144,7 @@ static int scan(struct summary *s, const struct sst_recording *recording, bool v
                 s->period_ns[s->periods++] = set.t_ns - before.t_ns;
             s->runs += set.session != before.session;
             before = set;
+            find_hole(s, &set);
             err = verify ? sst_recording_check(recording, i, &cam) : sst_recording_check_size(recording, &set, &cam);
             add_set(s, &set, err == -EBADMSG);
         }

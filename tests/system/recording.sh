@@ -121,6 +121,11 @@ grep -q "^damage    [1-9]" info || fail "a segment cut short: $(cat info)"
 cp -r holes fewer && sed -i '6,$d' fewer/sets.jsonl
 "$sst" recording fewer >info 2>&1 && fail "an index that lost its last lines passes"
 grep -q "^unlisted  [1-9].*restore it" info || fail "an index that lost its last lines: $(cat info)"
+# One line that is lost between others, and the one of a whole set beside a segment's line.
+for n in 4 5 9; do
+  rm -rf fewer && cp -r full fewer && sed -i "${n}d" fewer/sets.jsonl
+  "$sst" recording fewer >info 2>&1 && fail "an index that lost line $n passes: $(sed -n "${n}p" full/sets.jsonl | head -c 60)"
+done
 cp -r holes empty && : >empty/sets.jsonl
 "$sst" recording empty >info 2>&1 && fail "an emptied index passes"
 grep -q "^unlisted  [1-9].*restore it" info || fail "an emptied index: $(cat info)"
