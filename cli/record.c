@@ -14,6 +14,7 @@
 struct args {
     struct sst_client *client;
     double duration_s, ago_s; /* ago_s: negative, not given */
+    int64_t ago_ns;           /* the moment of ago_s, by the service's clock */
     const char *name;         /* of the recording, snapshot or export; NULL: not given */
     const char *time, *recording, *output, *camera;
     bool json;
@@ -120,12 +121,33 @@ static int download(const struct args *a)
                            a->output);
 }
 
+/* The clock of the service counts: it may be on another machine. */
+static int find_moment(struct args *a)
+{
+    json_t *status;
+    char text[64];
+    int err;
+
+    if (a->ago_s < 0)
+        return 0;
+    err = sst_client_json(a->client, "/api/v1/status", NULL, &status);
+    if (err)
+        return err;
+    if (!sst_clock_read(cli_text(status, "time", text, sizeof(text)), &a->ago_ns)) {
+        sst_log_error("the service does not say its time: use --time instead of --ago");
+        err = -EPROTO;
+    }
+    a->ago_ns -= (int64_t)(a->ago_s * 1e9);
+    json_decref(status);
+    return err;
+}
+
 static json_t *export_request(const struct args *a)
 {
     char text[SST_CLOCK_TEXT];
 
     if (a->ago_s >= 0)
-        sst_clock_text(text, sst_clock_wall_ns() - (int64_t)(a->ago_s * 1e9));
+        sst_clock_text(text, a->ago_ns);
     return json_pack("{s:s, s:s*}", "time", a->ago_s >= 0 ? text : a->time, "recording", a->recording);
 }
 
@@ -149,7 +171,7 @@ static int export_moment(const struct args *a)
 static json_t *video_request(const struct args *a)
 {
     char from[SST_CLOCK_TEXT], to[SST_CLOCK_TEXT];
-    int64_t at_ns = a->ago_s >= 0 ? sst_clock_wall_ns() - (int64_t)(a->ago_s * 1e9) : 0;
+    int64_t at_ns = a->ago_ns;
 
     if (a->name)
         return json_pack("{s:[s]}", "visits", a->name);
@@ -327,7 +349,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
             return r;
         err = sst_client_open(&a.client, &where);
         if (!err) {
-            err = actions[i].run(&a);
+            err = find_moment(&a);
+            err = err ? err : actions[i].run(&a);
             sst_client_close(a.client);
         }
         return cli_exit_code(err);
