@@ -57,10 +57,15 @@ static int bad_name(const char *bus)
 
 static int make_tcp(struct rig_bus *b)
 {
-    const char *port = strrchr(b->name, ':');
+    const char *port = strrchr(b->name, ':'), *host = b->name + 4;
+    int n = (int)(port - host);
     char *end;
 
-    snprintf(b->device, sizeof(b->device), "%.*s", (int)(port - (b->name + 4)), b->name + 4);
+    if (n > 2 && host[0] == '[' && host[n - 1] == ']') { /* as in addresses of the web: [fd00::5]:502 */
+        host++;
+        n -= 2;
+    }
+    snprintf(b->device, sizeof(b->device), "%.*s", n, host);
     if (!b->device[0] || strtol(port + 1, &end, 10) < 1 || strtol(port + 1, &end, 10) > 65535 || *end)
         return bad_name(b->name);
     b->ctx = modbus_new_tcp_pi(b->device, port + 1);

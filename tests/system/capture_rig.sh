@@ -22,6 +22,8 @@ want 2 "unknown kind of capture" capture video
 grep -q "do not change with the pose" err || fail "an array on a rig: $(cat err)"
 "$sst" capture rig "${rig[@]}" --bus tcp:127.0.0.1:1 -o none 2>err
 grep -q "without libmodbus" err && skip "built without libmodbus"
+"$sst" capture rig "${rig[@]}" --bus "tcp:[::1]:1" -o none 2>err && fail "a rig of IPv6 that is nowhere"
+grep -q "host \[" err && fail "the brackets of an address of IPv6 are a part of the host: $(cat err)"
 
 cat >inside.sh <<'INSIDE'
 rig=("$@")
