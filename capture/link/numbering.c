@@ -11,6 +11,7 @@
 #define HOLD_PERIODS 3
 #define HOLD_MOST_NS INT64_C(1000000000)
 #define LIVE_NS      INT64_C(2000000000) /* a source that was not heard for longer is not waited for */
+#define FAR_NS       LIVE_NS             /* and a period: clocks that differ by more name nothing */
 #define INDEX_MAX    (INT64_MAX / 4)     /* sums and differences of two, also of times, do not overflow */
 #define T_MAX_NS     (INT64_MAX / 2 - INT64_C(3600000000000))
 #define ANCHOR_STEP  256 /* the time of all moves by no more than this part of a period an edge */
@@ -26,6 +27,7 @@ struct source {
     int64_t last;    /* its newest index */
     int64_t away_ns; /* its monotonic clock less ours, by the edges */
     int64_t heard_ns, held_ns;
+    int64_t error_ns; /* the wall clock of its last edge less the common one */
     struct tick held; /* while it holds: where its own count and stamp put it */
     struct sst_numbering_state state;
 };
@@ -34,6 +36,7 @@ struct sst_numbering {
     int64_t period_ns;
     struct tick tick[TICKS]; /* ring in the order of index and time */
     int first, count;
+    int64_t newest_ns; /* when the newest tick was reported */
     struct source source[SST_NUMBERING_SOURCES];
 };
 
@@ -98,8 +101,9 @@ static int64_t unreported(struct sst_numbering *n, int64_t t_ns)
     return before ? before->index + 1 : after ? after->index - 1 : 0;
 }
 
-static struct tick *add(struct sst_numbering *n, int64_t index, int64_t t_ns)
+static struct tick *add(struct sst_numbering *n, int64_t index, int64_t t_ns, int64_t now_ns)
 {
+    n->newest_ns = now_ns;
     if (n->count == TICKS)
         n->first = (n->first + 1) % TICKS;
     else
@@ -158,6 +162,7 @@ static enum sst_numbering_verdict accept(struct sst_numbering *n, struct source 
 
     s->holds = false;
     s->heard_ns = h->now_ns;
+    s->error_ns = error_ns;
     s->state.placed = true;
     s->state.residual_ns = t_ns - at->t_ns;
     if (is_anchor(n, s, h->now_ns)) {
@@ -175,33 +180,66 @@ static enum sst_numbering_verdict accept(struct sst_numbering *n, struct source 
     return SST_NUMBERING_PLACED;
 }
 
+/* Another source that counts now; NULL: none */
+static const struct source *live_one(const struct sst_numbering *n, const struct source *s, int64_t now_ns)
+{
+    for (int i = 0; i < SST_NUMBERING_SOURCES; i++)
+        if (&n->source[i] != s && is_live(&n->source[i], now_ns))
+            return &n->source[i];
+    return NULL;
+}
+
+/* Where the wall clock of an edge puts it: nowhere while others count by a clock that is far from it, or it would take the
+ * common time with it; the wall clocks of all count if theirs were set since. Without others a time of its own begins.
+ * @param wall_ns  in, out: on the common clock @return false: nowhere */
+static bool look_at_clock(struct sst_numbering *n, struct source *s, const struct heard *h, int64_t *wall_ns,
+                          struct tick *at)
+{
+    const struct tick *last = newest(n);
+    const struct source *other = live_one(n, s, h->now_ns);
+    const double since_ns = (double)(h->now_ns - n->newest_ns), far_ns = (double)(FAR_NS + n->period_ns);
+    double ahead_ns = (double)*wall_ns - (double)last->t_ns;
+    int64_t k;
+
+    if (fabs(ahead_ns - since_ns) > far_ns && other && llabs(other->error_ns) > FAR_NS &&
+        !__builtin_sub_overflow(*wall_ns, other->error_ns, wall_ns))
+        ahead_ns = (double)*wall_ns - (double)last->t_ns;
+    if (fabs(ahead_ns - since_ns) > far_ns) {
+        s->state.clock_ns = (int64_t)fmax(-9e18, fmin(ahead_ns - since_ns, 9e18));
+        if (other || last->index > INDEX_MAX / 2 || since_ns < 0)
+            return false;
+        *at = (struct tick){ last->index + 1 + llround(since_ns / (double)n->period_ns), *wall_ns };
+        n->count = 0;
+        return true;
+    }
+    k = llround(ahead_ns / (double)n->period_ns);
+    *at = (struct tick){ last->index + k, last->t_ns + k * n->period_ns };
+    s->state.clock_ns = *wall_ns - at->t_ns;
+    return near(n, *wall_ns, at->t_ns) && at->index >= 0 && at->index <= INDEX_MAX;
+}
+
 /* Name the edges of a source that has joined, by its wall clock. */
 static enum sst_numbering_verdict name(struct sst_numbering *n, struct source *s, const struct heard *h)
 {
     const struct sst_numbering_edge *edge = h->edge;
-    const struct tick *last = newest(n);
     struct tick at = { (int64_t)edge->count, edge->wall_ns }, *known;
+    int64_t wall_ns = edge->wall_ns;
+    const struct tick *last;
 
     s->heard_ns = h->now_ns;
-    if (last) {
-        const double ahead = (double)(edge->wall_ns - last->t_ns) / (double)n->period_ns;
-        const int64_t k = llround(ahead);
-
-        at = (struct tick){ last->index + k, last->t_ns + k * n->period_ns };
-        s->state.clock_ns = edge->wall_ns - at.t_ns;
-        if (!near(n, edge->wall_ns, at.t_ns))
-            return SST_NUMBERING_UNNAMED;
-        if (at.index < 0 || at.index > INDEX_MAX)
+    if (n->count) {
+        if (!look_at_clock(n, s, h, &wall_ns, &at))
             return SST_NUMBERING_UNNAMED;
     }
+    last = newest(n);
     s->offset = at.index - (int64_t)edge->count;
     known = find(n, at.index);
-    s->away_ns = edge->t_ns - (known ? known->t_ns : edge->wall_ns);
+    s->away_ns = edge->t_ns - (known ? known->t_ns : wall_ns);
     s->placed = true;
     if (!known && last && at.index < last->index)
         known = &at; /* between ticks that others reported */
     else if (!known)
-        known = add(n, at.index, edge->wall_ns);
+        known = add(n, at.index, wall_ns, h->now_ns);
     s->state.clock_ns = edge->wall_ns - known->t_ns;
     return accept(n, s, known, edge->t_ns - s->away_ns, h);
 }
@@ -226,14 +264,6 @@ static bool others_agree(const struct sst_numbering *n, const struct source *s, 
     return false;
 }
 
-static bool others_live(const struct sst_numbering *n, const struct source *s, int64_t now_ns)
-{
-    for (int i = 0; i < SST_NUMBERING_SOURCES; i++)
-        if (&n->source[i] != s && is_live(&n->source[i], now_ns))
-            return true;
-    return false;
-}
-
 /* The first to report a tick, and not when it was due: the trigger paused, or the source has missed edges. */
 static bool must_wait(struct sst_numbering *n, struct source *s, const struct tick *at, int64_t now_ns)
 {
@@ -244,7 +274,7 @@ static bool must_wait(struct sst_numbering *n, struct source *s, const struct ti
         s->held = *at;
         s->held_ns = now_ns;
     }
-    return others_live(n, s, now_ns) && !others_agree(n, s, at) && now_ns - s->held_ns < hold_ns;
+    return live_one(n, s, now_ns) && !others_agree(n, s, at) && now_ns - s->held_ns < hold_ns;
 }
 
 enum sst_numbering_verdict sst_numbering_place(struct sst_numbering *n, int source,
@@ -278,13 +308,13 @@ enum sst_numbering_verdict sst_numbering_place(struct sst_numbering *n, int sour
         if (!due && must_wait(n, s, &at, now_ns))
             return SST_NUMBERING_HELD;
         if (at.t_ns > last->t_ns)
-            return accept(n, s, add(n, at.index, at.t_ns), at.t_ns, &h);
+            return accept(n, s, add(n, at.index, at.t_ns, now_ns), at.t_ns, &h);
     } else if (at.t_ns > last->t_ns) {
         const int64_t k = llround((double)(at.t_ns - last->t_ns) / (double)n->period_ns);
 
         if (k > 0 && near(n, at.t_ns, last->t_ns + k * n->period_ns)) {
             slip(s, last->index + k - at.index);
-            return accept(n, s, add(n, last->index + k, at.t_ns), at.t_ns, &h);
+            return accept(n, s, add(n, last->index + k, at.t_ns, now_ns), at.t_ns, &h);
         }
     } else if (at.t_ns < tick_at(n, 0)->t_ns || unreported(n, at.t_ns)) {
         const int64_t index = at.t_ns < tick_at(n, 0)->t_ns ? at.index : unreported(n, at.t_ns);

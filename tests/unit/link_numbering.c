@@ -129,6 +129,49 @@ static void counts_of_hosts_agree_after_one_look_at_the_clock(void **state SST_U
     end();
 }
 
+/* A host that starts with a wrong clock, as without one that a battery runs, takes nobody with it. */
+static void a_clock_that_is_far_off_names_nothing(void **state SST_UNUSED)
+{
+    begin();
+    join(0, 70000 * MS, 0, 0);
+    join(1, -4000 * MS, 2 * MS, 0);
+    for (uint64_t i = 10; i < 400; i++) {
+        if (i == 50 || i == 150 || i == 250) /* ahead, behind, and by a whole number of periods */
+            join(1, 9000 * MS, i == 50 ? 900037 * MS : i == 150 ? -86400011 * MS : 3000 * MS, 0);
+        if (i == 100 || i == 200 || i == 300)
+            t.host[1].wall_ns = 2 * MS; /* it is set */
+        assert_int_equal(report(0, i), SST_NUMBERING_PLACED);
+        assert_int_equal(report(1, i), i % 100 >= 50 && i < 300 ? SST_NUMBERING_UNNAMED : SST_NUMBERING_PLACED);
+    }
+    assert_int_equal(t.unnamed, 150);
+    end();
+
+    /* The first one is off: those with the right time are placed as soon as it has that, too. */
+    begin();
+    join(0, 70000 * MS, -86400000 * MS, 0);
+    join(1, -4000 * MS, 2 * MS, 0);
+    for (uint64_t i = 10; i < 100; i++) {
+        if (i == 50)
+            t.host[0].wall_ns = 0;
+        assert_int_equal(report(0, i), SST_NUMBERING_PLACED);
+        assert_int_equal(report(1, i), i < 50 ? SST_NUMBERING_UNNAMED : SST_NUMBERING_PLACED);
+    }
+    assert_true(state_of(0).clock_ns > 80000000 * MS);
+    end();
+
+    /* Nobody else is there: it counts by its own clock, under numbers that were not used. */
+    begin();
+    join(0, 70000 * MS, 0, 0);
+    for (uint64_t i = 10; i < 50; i++)
+        assert_int_equal(report(0, i), SST_NUMBERING_PLACED);
+    sst_numbering_leave(t.n, 0);
+    join(0, 10 * MS, -86400000 * MS, 0);
+    t.host[0].count = 0;
+    for (uint64_t i = 100; i < 150; i++)
+        assert_int_equal(report(0, i), SST_NUMBERING_PLACED);
+    end();
+}
+
 static void a_missed_edge_is_put_right_before_its_set_is_placed(void **state SST_UNUSED)
 {
     begin();
@@ -354,6 +397,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(counts_of_hosts_agree_after_one_look_at_the_clock),
+        cmocka_unit_test(a_clock_that_is_far_off_names_nothing),
         cmocka_unit_test(a_missed_edge_is_put_right_before_its_set_is_placed),
         cmocka_unit_test(who_is_first_to_report_after_missing_edges_waits_for_the_others),
         cmocka_unit_test(a_pause_of_the_trigger_is_no_slip),
