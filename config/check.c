@@ -499,7 +499,7 @@ static bool is_right(const char *word)
 /* Host name or address; IPv6 addresses alone have colons, at least two. */
 static bool is_host(const char *host)
 {
-    return host[0] && !host[strcspn(host, " /@?#<>&\"'")] && (!strchr(host, ':') || strchr(host, ':') != strrchr(host, ':'));
+    return host[0] && !host[strcspn(host, " /@?#<>&\"'[]")] && (!strchr(host, ':') || strchr(host, ':') != strrchr(host, ':'));
 }
 
 static void check_push(const struct config_load *load)
@@ -511,6 +511,20 @@ static void check_push(const struct config_load *load)
             fault(source(load, "push.hosts", NULL), NULL, "must be names such as push.example.org, without scheme, port and path");
     if (c->push.contact[0] && strncmp(c->push.contact, "mailto:", 7) != 0 && strncmp(c->push.contact, "https://", 8) != 0)
         fault(source(load, "push.contact", NULL), NULL, "must begin with mailto: or https://, such as mailto:guard@example.org");
+}
+
+/* Names and addresses stand alone: brackets are of addresses of the web, where a port follows. */
+static void check_host_names(const struct config_load *load)
+{
+    const struct sst_config *c = load->cfg;
+    const struct {
+        const char *key, *host;
+    } named[] = { { "mqtt.host", c->mqtt.host }, { "web.host", c->web.host } };
+
+    for (size_t i = 0; i < ARRAY_LEN(named); i++)
+        if (named[i].host[0] && !is_host(named[i].host))
+            fault(source(load, named[i].key, NULL), NULL,
+                  "must be a name or an address, such as host.example.org or fd00::5, without scheme, brackets, port and path");
 }
 
 static void check_sockets(const struct config_load *load)
@@ -540,6 +554,7 @@ static void check_sockets(const struct config_load *load)
     if (c->rtsp.enabled && !is_loopback(c->rtsp.address) && !password && !c->rtsp.insecure)
         fault(source(load, "rtsp.address", NULL), NULL,
               "%s is open to the network: set user and password_file, or insecure: true", c->rtsp.address);
+    check_host_names(load);
     if (c->mqtt.enabled && !is_local_host(c->mqtt.host) && !c->mqtt.ca_file[0] && !c->mqtt.insecure)
         fault(source(load, "mqtt.host", "mqtt.enabled"), NULL,
               "%.100s is another machine: pictures, commands and the password would go there unencrypted; set ca_file "

@@ -333,6 +333,9 @@ static void single_faults_are_told(void **state)
           "1:30: host broker.example.org is another machine" },
         { "mqtt: { enabled: true, host: 192.0.2.1 }\n", "set ca_file (TLS), or insecure: true" },
         { "mqtt: { enabled: true, host: 127.example.org }\n", "is another machine" },
+        { "mqtt: { host: \"[::1]\" }\n", "1:15: host must be a name or an address, such as host.example.org or fd00::5, without" },
+        { "mqtt: { host: mqtt://broker }\n", "without scheme" },
+        { "web: { host: \"cam.example:8090\" }\n", "without scheme, brackets, port" },
         { "mqtt: { topic: a/# }\n", "without spaces" },
         { "mqtt: { topic: a/ }\n", "outer slashes" },
         { "mqtt: { password_file: /etc/hosts }\n", "needs mqtt: user" },
@@ -540,8 +543,8 @@ static void differences_are_told(void **state)
     free(list);
     accept("zones: [ { name: a, x0: 0.1, y0: 0, x1: 1, y1: 1 }, { name: b, x0: 0, y0: 0, x1: 1, y1: 0.5 } ]\n"
            "cameras: { rate_hz: 5, controls: { gain: 3 }, bind: [ { row: 0, col: 1, serial: \"007\" } ] }\n"
-           "web: { host: 'a \"b', stream_hz: 0.1 }\n"
-           "live: { focus_px: 7.3 }\n"
+           "web: { stream_hz: 0.1 }\n"
+           "live: { remove_label: 'a \"b', focus_px: 7.3 }\n"
            "storage: { record_on: [ { zone: b, share: 0.3 } ], mode: event }\n");
     n = sst_config_diff(&list, &other, &cfg);
     assert_int_equal(n, 10);
@@ -550,7 +553,7 @@ static void differences_are_told(void **state)
     expect_change(list, n, "cameras.rate_hz", "10", "5", "restart-camera");
     expect_change(list, n, "cameras.controls", "{}", "{ gain: 3 }", "restart-camera");
     expect_change(list, n, "cameras.bind[0]", "", "{ row: 0, col: 1, serial: \"007\" }", "restart-camera");
-    expect_change(list, n, "web.host", "\"\"", "\"a \\\"b\"", "restart-daemon");
+    expect_change(list, n, "live.remove_label", "\"\"", "\"a \\\"b\"", "live");
     expect_change(list, n, "web.stream_hz", "10", "0.1", "restart-daemon");
     expect_change(list, n, "live.focus_px", "auto", "7.3", "live");
     expect_change(list, n, "storage.mode", "off", "event", "live");
