@@ -20,13 +20,13 @@ int64_t sst_clock_cpu_ns(void);
 /** CLOCK_REALTIME in nanoseconds. */
 int64_t sst_clock_wall_ns(void);
 
-/** Watch on the wall clock for steps; zeroed: it begins. */
+/** Watch for steps of the wall clock; zeroed: the first call begins it. */
 struct sst_clock_watch {
     int64_t offset_ns, since_ns;
 };
 /**
- * Has the wall clock run for ten minutes without a step of more than 2 s, as far as calls saw it? Nothing is removed by
- * its age before: a clock that is wrong for a moment costs nothing.
+ * Has the wall clock run for ten minutes without a step of more than 2 s between calls? Files are removed by their age
+ * only then, so that a clock that is wrong for a moment costs none.
  */
 bool sst_clock_is_steady(struct sst_clock_watch *w);
 

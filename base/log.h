@@ -21,8 +21,8 @@ void sst_log_set_level(enum sst_log_level level);
 /** Prefix lines with the level in the format of systemd's journal. */
 void sst_log_use_journal(bool on);
 
-/** From now on a line is lost, and counted, rather than waited for when nobody reads standard error: for services, whose work
- *  a journal or terminal that hangs must not hold up. */
+/** Lose lines while standard error is not read, and count them in the next line, from this call on: for services, since a journal or
+ *  terminal that hangs must not hold up their work. */
 void sst_log_never_wait(void);
 
 /**

@@ -60,7 +60,7 @@ static void end_segment(struct summary *s, const struct sst_recording *recording
     s->segment = (struct segment){ .number = next };
 }
 
-/* Sets lie one behind the other: a hole is that of a set whose line is lost. */
+/* Frames of sets lie one behind the other: a hole between them is a set without its line in the index. */
 static void find_hole(struct summary *s, const struct sst_recording_set *set)
 {
     struct segment *g = &s->segment;

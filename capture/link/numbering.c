@@ -11,7 +11,7 @@
 #define HOLD_PERIODS 3
 #define HOLD_MOST_NS INT64_C(1000000000)
 #define LIVE_NS      INT64_C(2000000000) /* a source that was not heard for longer is not waited for */
-#define FAR_NS       LIVE_NS             /* and a period: clocks that differ by more name nothing */
+#define FAR_NS       LIVE_NS             /* plus a period: largest difference of clocks by which edges are named */
 #define INDEX_MAX    (INT64_MAX / 4)     /* sums and differences of two, also of times, do not overflow */
 #define T_MAX_NS     (INT64_MAX / 2 - INT64_C(3600000000000))
 #define ANCHOR_STEP  256 /* the time of all moves by no more than this part of a period an edge */
@@ -189,9 +189,10 @@ static const struct source *live_one(const struct sst_numbering *n, const struct
     return NULL;
 }
 
-/* Where the wall clock of an edge puts it: nowhere while others count by a clock that is far from it, or it would take the
- * common time with it; the wall clocks of all count if theirs were set since. Without others a time of its own begins.
- * @param wall_ns  in, out: on the common clock @return false: nowhere */
+/* Place of an edge by its wall clock. While other sources count, a clock far from the common one places no edge: it would move
+ * the common time. If their wall clocks were set meanwhile, the edge is compared with these. Without other sources a new common
+ * time begins.
+ * @param wall_ns  in, out: on the common clock @return false: no place */
 static bool look_at_clock(struct sst_numbering *n, struct source *s, const struct heard *h, int64_t *wall_ns,
                           struct tick *at)
 {

@@ -129,7 +129,7 @@ static void counts_of_hosts_agree_after_one_look_at_the_clock(void **state SST_U
     end();
 }
 
-/* A host that starts with a wrong clock, as without one that a battery runs, takes nobody with it. */
+/* A host that starts with a wrong clock, as a board without a battery, leaves the sets of the other hosts alone. */
 static void a_clock_that_is_far_off_names_nothing(void **state SST_UNUSED)
 {
     begin();
@@ -146,7 +146,7 @@ static void a_clock_that_is_far_off_names_nothing(void **state SST_UNUSED)
     assert_int_equal(t.unnamed, 150);
     end();
 
-    /* The first one is off: those with the right time are placed as soon as it has that, too. */
+    /* The clock of the first host is off: hosts with the right time are placed once it is set. */
     begin();
     join(0, 70000 * MS, -86400000 * MS, 0);
     join(1, -4000 * MS, 2 * MS, 0);
@@ -159,7 +159,7 @@ static void a_clock_that_is_far_off_names_nothing(void **state SST_UNUSED)
     assert_true(state_of(0).clock_ns > 80000000 * MS);
     end();
 
-    /* Nobody else is there: it counts by its own clock, under numbers that were not used. */
+    /* A single host counts by its own clock, under numbers that were not used before. */
     begin();
     join(0, 70000 * MS, 0, 0);
     for (uint64_t i = 10; i < 50; i++)

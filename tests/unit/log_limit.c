@@ -115,7 +115,7 @@ static void many_addresses_share_a_line(void **state SST_UNUSED)
                                     "sst: warning: gate: refused: 983 more of other addresses within a minute\n");
 }
 
-/* Standard error that nobody reads holds nothing up; what is lost is counted in the next line that has room. */
+/* Standard error without a reader holds no thread up; lost lines are counted in the next line that has room. */
 static void lines_that_nobody_reads_are_lost(void **state SST_UNUSED)
 {
     char text[8192], *line = text;
@@ -150,7 +150,7 @@ int main(void)
         cmocka_unit_test_setup(one_line_a_minute_and_a_count, set_up),
         cmocka_unit_test_setup(quiet_addresses_are_forgotten, set_up),
         cmocka_unit_test_setup(many_addresses_share_a_line, set_up),
-        cmocka_unit_test_setup(lines_that_nobody_reads_are_lost, set_up), /* the last: it is so for good */
+        cmocka_unit_test_setup(lines_that_nobody_reads_are_lost, set_up), /* the last test: it cannot be undone */
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

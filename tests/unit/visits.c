@@ -192,7 +192,7 @@ static void a_kept_visit_outlives_its_day(void **state)
 
     assert_int_equal(sst_visits_open(&v, dir, 5), 0);
     store(v, name[3], 10, 4, false, "Car", "street");
-    wait_for(v, 4); /* the clock was set a moment ago: what seems to be old stays */
+    wait_for(v, 4); /* the clock was set a moment ago: old visits stay */
     sst_visits_clock(v, true);
     wait_for(v, 2);
     wait_gone(name[2]);
