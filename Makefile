@@ -96,10 +96,8 @@ SLIGHT := capture/% cli/% config/% daemon/% drivers/% publishers/% simulators/de
 ifneq (,$(SAN))
 $(SLIGHT:%=$(BUILD)/obj/%.o): OPT = -O0 -g1
 endif
-# ... kernels, references of shaders and drawn scenes, in which sanitized tests spend most of their time, with -O2, products of descriptors
-# with -O3.
+# ... kernels, references of shaders and drawn scenes, in which sanitized tests spend most of their time, with -O2.
 ifneq (,$(SAN))
-$(BUILD)/obj/pipeline/posed/solve/opencv_features.o: OPT = -O3 -g1
 $(BUILD)/obj/pipeline/kernels/%.o $(BUILD)/obj/pipeline/gpu/%.o $(BUILD)/obj/simulators/scene/%.o $(BUILD)/obj/simulators/flight/%.o: OPT = -O2 -g1
 # Tests whose input is a drawn scene have it drawn as in the plain build, without a sanitizer. The address sanitizer watches all of it in
 # tests that tests/special.txt marks `draws`; the thread sanitizer needs the loops over bands and views alone, since scenes are constant

@@ -14,6 +14,7 @@
 #include "pipeline/kernels/clear_tmpl.h"
 #include "pipeline/kernels/consensus_tmpl.h"
 #include "pipeline/kernels/correlate_places_tmpl.h"
+#include "pipeline/kernels/descriptor_products_tmpl.h"
 #include "pipeline/kernels/enlarge_row_tmpl.h"
 #include "pipeline/kernels/feature_cost_tmpl.h"
 #include "pipeline/kernels/guide_cells_tmpl.h"

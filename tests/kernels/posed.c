@@ -1,4 +1,4 @@
-/* Resampling of posed views: every level against the reference, byte for byte, pictures ending at an unmapped page; the
+/* Resampling of posed views and products of descriptors: every level against the reference, byte for byte, pictures ending at an unmapped page; the
  * reference against interpolation in double. */
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
@@ -84,6 +84,35 @@ static void warped_row_equals_reference(void **state SST_UNUSED)
     guard_free_all();
 }
 
+static void descriptor_products_equal_reference(void **state SST_UNUSED)
+{
+    enum { A = 5, B = 11 };
+    static const size_t sizes[][2] = { { 1, 1 }, { 2, 4 }, { 2, 3 }, { 3, 4 }, { 4, 9 }, { A, B } };
+    int16_t *const a = guard_random(A * SST_DESCRIPTOR * sizeof(*a), &seed);
+    int16_t *const b = guard_random(B * SST_DESCRIPTOR * sizeof(*b), &seed);
+
+    for (int i = 0; i < A * SST_DESCRIPTOR; i++)
+        a[i] = (int16_t)(i < SST_DESCRIPTOR ? 512 : below(1025) - 512);
+    for (int i = 0; i < B * SST_DESCRIPTOR; i++)
+        b[i] = (int16_t)(i < SST_DESCRIPTOR ? -512 : below(1025) - 512);
+    for (int level = SST_CPU_BASE; level < SST_CPU_LEVELS; level++) {
+        struct sst_kernels k;
+
+        for (size_t i = 0; sst_kernels_at((enum sst_cpu_level)level, &k) && i < ARRAY_LEN(sizes); i++) {
+            const size_t count = sizes[i][0], n = sizes[i][1];
+            int32_t want[A * B], got[A * B];
+            const int16_t *from[2] = { a + (A - count) * SST_DESCRIPTOR, b + (B - n) * SST_DESCRIPTOR };
+
+            sst_descriptor_products_ref(want, from[0], count, from[1], n);
+            k.descriptor_products(got, from[0], count, from[1], n);
+            assert_memory_equal(got, want, count * n * sizeof(*want));
+            k.descriptor_products(got, a, 1, b, 1);
+            assert_int_equal(got[0], -512 * 512 * SST_DESCRIPTOR);
+        }
+    }
+    guard_free_all();
+}
+
 /* The largest sums: 1024 views of white stay below 2^32, and a place at the last sample gives exactly its level. */
 static void sums_have_room(void **state SST_UNUSED)
 {
@@ -104,6 +133,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(warped_row_equals_reference),
         cmocka_unit_test(sums_have_room),
+        cmocka_unit_test(descriptor_products_equal_reference),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -305,6 +305,35 @@ static void views_are_ordered(void **state SST_UNUSED)
     }
 }
 
+/* Descriptors of single parts: distances follow from the parts that both have. */
+static void descriptors_match(void **state SST_UNUSED)
+{
+    enum { N = 70, MIXED = 3 }; /* more than a block */
+    static int16_t a[N][CV_DESCRIPTOR], b[N][CV_DESCRIPTOR];
+    const struct cv_features left = { N, NULL, a[0] }, right = { N, NULL, b[0] };
+    int match[N][2], count;
+
+    for (int i = 0; i < N; i++) {
+        a[i][i] = 512;
+        b[N - 1 - i][i] = 512;
+    }
+    assert_int_equal(poses_descriptors_match(&left, &right, match, &count), 0);
+    assert_int_equal(count, N);
+    for (int i = 0; i < N; i++) {
+        assert_int_equal(match[i][0], i);
+        assert_int_equal(match[i][1], N - 1 - i);
+    }
+    memcpy(b[0], b[N - 1], sizeof(b[0])); /* a[0] has two alike, a[N - 1] none */
+    a[MIXED][MIXED] = 362;                /* between two: 0.765 of the distance to the other */
+    a[MIXED][MIXED + 1] = 362;
+    assert_int_equal(poses_descriptors_match(&left, &right, match, &count), 0);
+    assert_int_equal(count, N - 3);
+    for (int i = 0; i < count; i++)
+        assert_true(match[i][0] != 0 && match[i][0] != N - 1 && match[i][0] != MIXED);
+    assert_int_equal(poses_descriptors_match(&left, &(struct cv_features){ 1, NULL, b[0] }, match, &count), 0);
+    assert_int_equal(count, 0);
+}
+
 static void tracks_join(void **state SST_UNUSED)
 {
     float at[2][2] = { { 1, 2 }, { 3, 4 } };
@@ -414,6 +443,7 @@ int main(void)
         cmocka_unit_test(skyline_solves),
         cmocka_unit_test(start_on_a_line),
         cmocka_unit_test(views_are_ordered),
+        cmocka_unit_test(descriptors_match),
         cmocka_unit_test(tracks_join),
         cmocka_unit_test(lenses_join),
         cmocka_unit_test(two_views_are_placed),

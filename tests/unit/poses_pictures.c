@@ -48,6 +48,54 @@ static void model_of(struct poses_model *m, const struct sst_posed *posed, int t
     }
 }
 
+/* Spots at known places: features of their middles lie there, whether pictures are rich or not. */
+static void features_lie_on_spots(void **state SST_UNUSED)
+{
+    enum { SIDE = 320, CELLS = 15, SPOTS = CELLS * CELLS };
+    static const int most[2] = { 150, 600 }; /* rich: fewer than a feature for each 250 px */
+    float *level = calloc((size_t)SIDE * SIDE, sizeof(*level));
+    double at[SPOTS][2];
+    uint64_t seed = 3;
+
+    assert_non_null(level);
+    for (int i = 0; i < SPOTS; i++) {
+        at[i][0] = 20 * (i % CELLS) + 20 + sst_random_in(&seed, -2, 2);
+        at[i][1] = 20 * (i / CELLS) + 20 + sst_random_in(&seed, -2, 2);
+        for (int y = (int)at[i][1] - 9; y < (int)at[i][1] + 10; y++) {
+            for (int x = (int)at[i][0] - 9; x < (int)at[i][0] + 10; x++) {
+                const double dx = x - at[i][0], dy = y - at[i][1];
+
+                level[y * SIDE + x] += (float)(150 * exp(-(dx * dx + dy * dy) / (2 * 2.5 * 2.5)));
+            }
+        }
+    }
+    for (int r = 0; r < 2; r++) {
+        struct cv_features f = { 0 };
+        double mean[2] = { 0 };
+        char why[256];
+        int near = 0;
+
+        assert_int_equal(
+            cv_features_find(&f, &(struct cv_grey){ .level = level, .width = SIDE, .height = SIDE }, most[r], why), 0);
+        for (int i = 0; i < f.count; i++) {
+            for (int s = 0; s < SPOTS; s++) {
+                const double dx = f.at[i][0] - at[s][0], dy = f.at[i][1] - at[s][1];
+
+                if (hypot(dx, dy) < 1) {
+                    near++;
+                    mean[0] += dx;
+                    mean[1] += dy;
+                }
+            }
+        }
+        assert_in_range(near, 100, f.count);
+        assert_true(fabs(mean[0] / near) < 0.05 && fabs(mean[1] / near) < 0.05);
+        free(f.at);
+        free(f.descriptor);
+    }
+    free(level);
+}
+
 /* Points at the trees' depths, seen by the true cameras, meet in the found ones within so many px (median). */
 static double reprojection(const struct sst_posed *truth, const struct sst_posed *found)
 {
@@ -320,6 +368,7 @@ static void views_without_poses_have_neighbours(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(features_lie_on_spots),
         cmocka_unit_test(forest_is_placed),
         plain_test(forest_is_placed_alike_by_any_threads),
         serial_test(compass_is_corrected),

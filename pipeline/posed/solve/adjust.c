@@ -43,6 +43,7 @@ struct work {
     struct poses_skyline base, system;
     struct coupling *coupling;
     int couplings, states;
+    int lens_states; /* that are adjusted: the rest of LENS_STATES has no slopes */
 };
 
 static bool project(const struct poses_model *m, const struct poses_sight *s, double q[3], double xy[2])
@@ -275,7 +276,7 @@ static void add_views(struct work *w, const struct slopes *o, int view)
 
 static void add_lens(struct work *w, const struct slopes *o, int view, int lens)
 {
-    for (int i = 0; i < LENS_STATES; i++) {
+    for (int i = 0; i < w->lens_states; i++) {
         double *row = w->base.row[lens + i];
 
         for (int j = 0; j < 6; j++)
@@ -294,7 +295,7 @@ static void add_point(struct work *w, const struct slopes *o, int sight, int tra
         w->right[track][i] += o->weight * (o->point[0][i] * o->r[0] + o->point[1][i] * o->r[1]);
         for (int v = 0; v < 6; v++)
             w->cross[sight][3 * v + i] = o->weight * (o->view[0][v] * o->point[0][i] + o->view[1][v] * o->point[1][i]);
-        for (int l = 0; l < LENS_STATES; l++)
+        for (int l = 0; l < w->lens_states; l++)
             w->lens_cross[track][3 * l + i] +=
                 o->weight * (o->lens[0][l] * o->point[0][i] + o->lens[1][l] * o->point[1][i]);
     }
@@ -440,12 +441,12 @@ static void eliminate(struct work *w, int track, int lens)
                     row[j] -= dot3(by[i], w->cross[o] + (ptrdiff_t)3 * j);
             }
         }
-        for (int l = 0; l < LENS_STATES; l++) {
+        for (int l = 0; l < w->lens_states; l++) {
             for (int i = 0; i < 6; i++)
                 w->system.row[lens + l][view + i] -= dot3(by[i], w->lens_cross[track] + (ptrdiff_t)3 * l);
         }
     }
-    for (int l = 0; l < LENS_STATES; l++) {
+    for (int l = 0; l < w->lens_states; l++) {
         times_block(w->lens_cross[track] + (ptrdiff_t)3 * l, inverse, by[0]);
         w->step[lens + l] -= dot3(by[0], right);
         for (int j = 0; j <= l; j++)
@@ -503,7 +504,7 @@ static void move(struct poses_model *to, const struct poses_model *from, const s
                     b[j] -= w->cross[s][3 * i + j] * step[i];
             }
         }
-        for (int l = 0; l < LENS_STATES; l++) {
+        for (int l = 0; l < w->lens_states; l++) {
             for (int j = 0; j < 3; j++)
                 b[j] -= w->lens_cross[t][3 * l + j] * w->step[lens + l];
         }
@@ -562,6 +563,7 @@ static int work_init(struct work *w, const struct poses_model *m)
     const size_t sights = (size_t)w->tracks->sights + 1, tracks = (size_t)m->tracks + 1;
 
     w->states = 6 * m->views + LENS_STATES;
+    w->lens_states = w->how->free_k1 ? 2 : w->how->free_focal;
     w->slope = malloc(sights * sizeof(*w->slope));
     w->cross = malloc(sights * sizeof(*w->cross));
     w->lens_cross = malloc(tracks * sizeof(*w->lens_cross));

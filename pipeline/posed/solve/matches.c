@@ -181,7 +181,7 @@ static int match_pair(void *arg, int index, int worker)
     pair->match = malloc((size_t)a->count * sizeof(*pair->match) + 1);
     if (!pair->match)
         return -ENOMEM;
-    err = cv_features_match(a, b, pair->match, &pair->count, why);
+    err = poses_descriptors_match(a, b, pair->match, &pair->count);
     if (!err && pair->count < MIN_RAW)
         pair->count = 0;
     if (!err && pair->count)
@@ -232,7 +232,6 @@ static int compare_view(void *arg, int view, int worker)
     const struct poses_scene *scene = near->scene;
     struct cv_features a = scene->feature[view];
     int(*match)[2] = malloc((size_t)near->features * sizeof(*match)), count, err = match ? 0 : -ENOMEM;
-    char why[256] = "";
 
     (void)worker;
     a.count = sst_min_int(a.count, near->features);
@@ -242,11 +241,11 @@ static int compare_view(void *arg, int view, int worker)
         if (by_places(near, view, v))
             continue;
         b.count = sst_min_int(b.count, near->features);
-        err = cv_features_match(&a, &b, match, &count, why);
+        err = poses_descriptors_match(&a, &b, match, &count);
         near->alike[(size_t)view * scene->views + v] = (uint16_t)count;
     }
     free(match);
-    return cv_error(err, why);
+    return err;
 }
 
 static int alike(const struct nearness *near, int a, int b)

@@ -13,12 +13,6 @@ int cv_features_find(struct cv_features *out, const struct cv_grey *grey, int mo
     SST_PLUGIN_CALL(LOAD, cv_features_find, out, grey, most, why);
 }
 
-int cv_features_match(const struct cv_features *a, const struct cv_features *b, int (*match)[2], int *count,
-                      char why[256])
-{
-    SST_PLUGIN_CALL(LOAD, cv_features_match, a, b, match, count, why);
-}
-
 int cv_points_epipolar(const struct cv_points *points, uint8_t *inlier, char why[256])
 {
     SST_PLUGIN_CALL(LOAD, cv_points_epipolar, points, inlier, why);

@@ -20,7 +20,9 @@
 static constexpr double SPREAD_PX = 24;  /* of the local mean and spread */
 static constexpr int SPREAD_STEP = 4;    /* which are computed on a smaller picture */
 static constexpr double CONTRAST = 0.02; /* of SIFT: half of its default, for dark forest */
-static constexpr double RATIO = 0.85;    /* of the best two distances */
+static constexpr double RICH_PX = 250; /* a feature: in larger pictures there are enough features ... */
+static constexpr double RICH_CONTRAST = 0.06; /* ... of this contrast ... */
+static constexpr double RICH_SCALE = 0.75;    /* ... at this size, which takes less than half of the time */
 static constexpr double EPIPOLAR_PX = 1.5;
 static constexpr float ONE = 512; /* length of a descriptor */
 
@@ -80,15 +82,31 @@ static cv::Mat normalised(const struct cv_grey *grey)
     return out;
 }
 
+/* The strongest features; weak ones, whose search takes longer, are sought where those are too few. @return scale of their places */
+static float detect(std::vector<cv::KeyPoint> &keys, cv::Mat &descriptors, const cv::Mat &picture, int most)
+{
+    if (static_cast<double>(picture.total()) >= RICH_PX * most) {
+        cv::Mat smaller;
+
+        cv::resize(picture, smaller, cv::Size(), RICH_SCALE, RICH_SCALE, cv::INTER_AREA);
+        cv::SIFT::create(most, 3, RICH_CONTRAST)->detectAndCompute(smaller, cv::noArray(), keys, descriptors);
+        if (keys.size() >= static_cast<size_t>(most))
+            return RICH_SCALE;
+    }
+    cv::SIFT::create(most, 3, CONTRAST)->detectAndCompute(picture, cv::noArray(), keys, descriptors);
+    return 1;
+}
+
 int cv_features_find(struct cv_features *out, const struct cv_grey *grey, int most, char why[256])
 {
     return guarded(why, [&] {
         std::vector<cv::KeyPoint> keys;
         cv::Mat descriptors;
         size_t count;
+        float scale;
 
         cv::setNumThreads(1); /* pictures are found in parallel */
-        cv::SIFT::create(most, 3, CONTRAST)->detectAndCompute(normalised(grey), cv::noArray(), keys, descriptors);
+        scale = detect(keys, descriptors, normalised(grey), most);
         count = std::min(keys.size(), static_cast<size_t>(most));
         out->at = static_cast<float(*)[2]>(std::calloc(count + 1, sizeof(*out->at)));
         out->descriptor = static_cast<int16_t *>(std::calloc(count + 1, CV_DESCRIPTOR * sizeof(*out->descriptor)));
@@ -105,89 +123,14 @@ int cv_features_find(struct cv_features *out, const struct cv_grey *grey, int mo
             float sum = 1e-6f;
 
             /* SIFT enlarges the picture twice with pixel corners kept, and halves positions with centres kept. */
-            out->at[i][0] = keys[i].pt.x - 0.25f;
-            out->at[i][1] = keys[i].pt.y - 0.25f;
+            out->at[i][0] = (keys[i].pt.x + 0.25f) / scale - 0.5f;
+            out->at[i][1] = (keys[i].pt.y + 0.25f) / scale - 0.5f;
             for (int c = 0; c < CV_DESCRIPTOR; c++)
                 sum += in[c];
             for (int c = 0; c < CV_DESCRIPTOR; c++)
                 to[c] = static_cast<int16_t>(std::nearbyint(ONE * std::sqrt(in[c] / sum)));
         }
         out->count = static_cast<int>(count);
-        return 0;
-    });
-}
-
-/* Products of all descriptors, whole numbers up to ONE * ONE. A loop of fixed length becomes the processor's products of 16 bits, and does not
- * depend on the machine's library of linear algebra: Debian's default one takes ten times as long. Sanitizers would take
- * most of a test's time for it; what they could see, sizes and rows, is seen where the product is read. */
-__attribute__((no_sanitize("address", "undefined", "thread"))) static void multiply(cv::Mat &product, const struct cv_features *a, const struct cv_features *b)
-{
-    constexpr int some = 64; /* descriptors that stay in the first cache */
-
-    product.create(a->count, b->count, CV_32F);
-    for (int from = 0; from < b->count; from += some) {
-        const int to = std::min(from + some, b->count);
-
-        for (int i = 0; i < a->count; i++) {
-            const int16_t *left = a->descriptor + static_cast<size_t>(i) * CV_DESCRIPTOR;
-            float *row = product.ptr<float>(i);
-
-            for (int j = from; j < to; j++) {
-                const int16_t *right = b->descriptor + static_cast<size_t>(j) * CV_DESCRIPTOR;
-                int32_t sum = 0;
-
-                for (int c = 0; c < CV_DESCRIPTOR; c++)
-                    sum += left[c] * right[c];
-                row[j] = static_cast<float>(sum);
-            }
-        }
-    }
-}
-
-int cv_features_match(const struct cv_features *a, const struct cv_features *b, int (*match)[2], int *count,
-                      char why[256])
-{
-    return guarded(why, [&] {
-        cv::Mat product;
-        std::vector<float> back;
-        std::vector<int> back_at;
-
-        *count = 0;
-        if (a->count < 2 || b->count < 2)
-            return 0;
-        multiply(product, a, b);
-        back.assign(static_cast<size_t>(b->count), -1);
-        back_at.assign(static_cast<size_t>(b->count), -1);
-        for (int i = 0; i < a->count; i++) {
-            const float *row = product.ptr<float>(i);
-
-            for (int j = 0; j < b->count; j++) {
-                if (row[j] > back[j]) {
-                    back[j] = row[j];
-                    back_at[j] = i;
-                }
-            }
-        }
-        for (int i = 0; i < a->count; i++) {
-            const float *row = product.ptr<float>(i);
-            float first = -1, second = -1;
-            int at = 0;
-
-            for (int j = 0; j < b->count; j++) {
-                if (row[j] > first) {
-                    second = first;
-                    first = row[j];
-                    at = j;
-                } else if (row[j] > second) {
-                    second = row[j];
-                }
-            }
-            if (back_at[at] == i && ONE * ONE - first < RATIO * RATIO * (ONE * ONE - second)) {
-                match[*count][0] = i;
-                match[*count][1] = at;
-                ++*count;
-            }
-        }
         return 0;
     });
 }

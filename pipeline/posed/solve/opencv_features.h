@@ -37,11 +37,6 @@ struct cv_features {
  */
 SST_MUST_CHECK int cv_features_find(struct cv_features *out, const struct cv_grey *grey, int most, char why[256]);
 
-/** Pairs of features that are each other's best and clearly better than the second: `ratio` of the distances.
- *  @param match  out, room for a's features. @param count  out */
-SST_MUST_CHECK int cv_features_match(const struct cv_features *a, const struct cv_features *b, int (*match)[2],
-                                     int *count, char why[256]);
-
 /** Positions of the same points in two pictures. */
 struct cv_points {
     int count; /* 8 at least */

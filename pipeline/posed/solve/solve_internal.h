@@ -98,6 +98,13 @@ SST_MUST_CHECK int poses_scene_arrange(struct poses_scene *scene, const int *ord
 /** Back to the order of names, with the result, which may be empty. @return 0, -ENOMEM */
 SST_MUST_CHECK int poses_scene_restore(struct poses_scene *scene, struct sst_posed_solved *solved);
 
+/* --- descriptors.c ------------------------------------------------------------------------------------------------ */
+
+/** Pairs of features that are each other's best and clearly better than the second: 0.85 of the distances.
+ *  @param match  out, room for a's features. @param count  out. @return 0, -ENOMEM */
+SST_MUST_CHECK int poses_descriptors_match(const struct cv_features *a, const struct cv_features *b, int (*match)[2],
+                                           int *count);
+
 /* --- tracks.c ----------------------------------------------------------------------------------------------------- */
 
 /** Tracks of linked views through their pairs; tracks that see a picture twice are dropped. @return 0, -ENOMEM */
