@@ -49,6 +49,16 @@ grep -q "warning: still.lf: the views show no parallax" err || fail "one picture
 grep -q "no parallax" err && grep -q '"confirmed_percent": 0.0' out && grep -q '"parallax": false' out ||
   fail "one picture is confirmed: $(cat out err)"
 
+# --- views without texture agree on whatever disparity they get ---
+mkdir black
+printf 'P6 64 48 255\n' >black/b.ppm
+head -c $((64 * 48 * 3)) /dev/zero >>black/b.ppm
+/usr/bin/python3 -c 'import cv2; [cv2.imwrite(f"black/00_0{k}.png", cv2.imread("black/b.ppm")) for k in range(2)]'
+rm black/b.ppm
+"$sst" import folder black --grid 1x2 -o black.lf >out 2>&1 || fail "import of black pictures: $(cat out)"
+"$sst" process black.lf --no-labels --range-min 0 --range-max 16 --json >out 2>err || fail "process of black pictures: $(cat err)"
+grep -q "2 of 2 views, the first one of row 0, column 0, have no texture" err && grep -q '"confirmed_percent": 0.0' out || fail "black views are confirmed: $(cat out err)"
+
 # --- 16 bits: narrow samples are scaled, as 8 bits of the same levels come out; wide ones are rounded with a warning ---
 mkdir deep flat wide fine
 /usr/bin/python3 - <<'P' || fail "python3 with OpenCV"

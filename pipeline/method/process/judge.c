@@ -182,15 +182,20 @@ static void conclude(struct sst_judgement *out, const struct sst_lightfield *lf)
     out->plausible = !out->sentence[0];
 }
 
-void sst_judge_pictures(struct sst_judgement *out, const struct sst_lightfield *lf, const struct sst_drift *check)
+static void start(struct sst_judgement *out, int views)
 {
-    const int views = lf->rows * lf->cols;
-
     *out = (struct sst_judgement){ .judged = true, .plausible = true };
     for (int v = 0; v < views; v++) {
         out->view[v].other = -1;
         out->view[v].confirmed = NAN;
     }
+}
+
+void sst_judge_pictures(struct sst_judgement *out, const struct sst_lightfield *lf, const struct sst_drift *check)
+{
+    const int views = lf->rows * lf->cols;
+
+    start(out, views);
     if (check->wrong_order) {
         snprintf(out->sentence, sizeof(out->sentence), "%s", strchr(check->sentence, ':') + 2);
         out->plausible = false;
@@ -217,6 +222,33 @@ void sst_judge_pictures(struct sst_judgement *out, const struct sst_lightfield *
 }
 
 /* --- maps --------------------------------------------------------------------------------------------------------- */
+
+void sst_judge_plain(struct sst_judgement *out, const struct sst_lightfield *lf, const bool *plain)
+{
+    const int views = lf->rows * lf->cols;
+    int count = 0, first = 0, present = 0;
+
+    for (int v = views - 1; v >= 0; v--) {
+        present += lf->views[v].present;
+        count += plain[v];
+        first = plain[v] ? v : first;
+    }
+    if (!count)
+        return;
+    if (!out->judged)
+        start(out, views);
+    for (int v = 0; v < views; v++) {
+        if (plain[v])
+            blame(out, v, SST_VIEW_BLANK, -1);
+    }
+    if (!out->plausible)
+        return;
+    snprintf(out->sentence, sizeof(out->sentence),
+             "%d of %d views, the first one of row %d, column %d, have no texture: black, covered or over-exposed, they "
+             "agree on any disparity, and none of theirs counts as confirmed; record or import them again",
+             count, present, first / lf->cols, first % lf->cols);
+    out->plausible = false;
+}
 
 static double confirmed_of(const struct sst_view *v)
 {

@@ -36,6 +36,9 @@ struct sst_judgement {
 /** Judge pictures before they are corrected and matched. @param check  of the same pictures */
 void sst_judge_pictures(struct sst_judgement *out, const struct sst_lightfield *lf, const struct sst_drift *check);
 
+/** Views without texture are at fault. @param plain  [views] */
+void sst_judge_plain(struct sst_judgement *out, const struct sst_lightfield *lf, const bool *plain);
+
 /** Judge the maps, with what sst_judge_pictures() found. @param confirmed  percent, of all views; NAN: unknown */
 void sst_judge_maps(struct sst_judgement *out, const struct sst_lightfield *lf, double confirmed);
 

@@ -20,6 +20,8 @@
 #define JITTER_PX         6.0  /* pairs that are off by less are corrected, not judged */
 #define INFINITY_SLACK_PX 1.0  /* of an estimated range around infinity: errors of positions and noise */
 
+#define PLAIN_LEVELS 1.0 /* RMS: a view below has no texture: it is black, covered or over-exposed */
+
 struct run {
     struct sst_lightfield *lf;
     const struct sst_process_config *cfg;
@@ -480,8 +482,14 @@ static void disparity_progress(void *arg, double done)
 static int find_parallax(void *arg, int index SST_UNUSED, int worker SST_UNUSED)
 {
     struct run *run = arg;
+    struct sst_process_report *report = run->report;
 
-    run->report->parallax = run->lf->images_raw ? SST_PARALLAX_UNKNOWN : sst_lightfield_parallax(run->lf, NULL);
+    report->parallax = run->lf->images_raw ? SST_PARALLAX_UNKNOWN : sst_lightfield_parallax(run->lf, NULL);
+    for (int k = 0; !run->lf->images_raw && k < views_of(run); k++) {
+        const struct sst_view *v = &run->lf->views[k];
+
+        report->plain[k] = v->present && v->image.plane[0] && sst_image_contrast(&v->image) < PLAIN_LEVELS;
+    }
     return 0;
 }
 
@@ -490,17 +498,18 @@ static void found_parallax(void *arg, int index SST_UNUSED, struct sst_share_map
     struct run *run = arg;
 
     sst_share_add_values(out, &run->report->parallax, sizeof(run->report->parallax));
+    sst_share_add_values(out, run->report->plain, sizeof(run->report->plain));
 }
 
-/* Equal views agree on whatever disparity they get, which confirms nothing. */
+/* Equal views, and views without texture, agree on whatever disparity they get, which confirms nothing. */
 static int judge_parallax(struct run *run)
 {
     const int err = sst_share_for(run->cfg->share, 1, 1, find_parallax, run, found_parallax);
 
-    for (int k = 0; run->report->parallax == SST_PARALLAX_NONE && k < views_of(run); k++) {
+    for (int k = 0; k < views_of(run); k++) {
         struct sst_map_u8 *map = &run->lf->views[k].confidence;
 
-        if (map->data)
+        if (map->data && (run->report->parallax == SST_PARALLAX_NONE || run->report->plain[k]))
             memset(map->data, 0, map->stride * (size_t)map->height);
     }
     return err;
@@ -639,6 +648,8 @@ int sst_process(struct sst_lightfield *lf, const struct sst_process_config *cfg,
         err = match_views(&run);
     if (!err && report) {
         run.report->confirmed = 100 * sst_lightfield_confirmed(lf, cfg->threads);
+        if (!cfg->keep_disparity)
+            sst_judge_plain(&run.report->judgement, lf, run.report->plain);
         if (!cfg->keep_disparity)
             sst_judge_maps(&run.report->judgement, lf, run.report->confirmed);
     }
