@@ -12,6 +12,7 @@
 #include "cli/posed_internal.h"
 #include "pipeline/posed/find/sharpen.h"
 
+#define FEW_VIEWS 6 /* below, agreement on the ground is often less than on the canopy */
 #define FEW_AGREE    0.003 /* share of pixels that agree, below which warm places may show the ground better */
 #define WARM_FARTHER 1.1   /* least ratio of the distance at which warm places are sharpest to the distance of agreement */
 #define METRE_MM     1000.0
@@ -279,6 +280,10 @@ static int find_ground(struct posed_scene *scene, const struct render_args *a)
     scene->cfg.surface = scene->ground.plane;
     if (!err)
         compare_with_zero(scene);
+    if (!err && scene->ground.views < FEW_VIEWS && !(a->near_m > 0))
+        sst_log_warning("%s: %d views alone tell ground from canopy poorly: is the ground %.2f m away? If that is the "
+                        "canopy, give --near or --surface plane:Z",
+                        scene->path, scene->ground.views, scene->ground.distance_mm / METRE_MM);
     return err ? cli_exit_code(err == -ENODATA || err == -EINVAL ? -EBADMSG : err) : CLI_GO_ON;
 }
 

@@ -196,6 +196,7 @@ static void add_tally(struct agree_tally *tally, int32_t *tile, const struct agr
                       size_t y)
 {
     const size_t width = (size_t)a->warp.camera.width, plane = width * (size_t)a->warp.camera.height;
+    const int least = sst_min_int(3, a->greys->count - 1); /* others that agree */
 
     for (size_t x = RADIUS; x + RADIUS < width; x++) {
         int seen = 0, most = 0;
@@ -204,10 +205,10 @@ static void add_tally(struct agree_tally *tally, int32_t *tile, const struct agr
             seen += a->inverse[(size_t)k * plane + y * width + x] > 0;
             most = sst_max_int(most, agreeing[(size_t)k * width + x]);
         }
-        tally->seen += seen >= 4;
-        tally->four += most >= 3;
+        tally->seen += seen > least;
+        tally->four += most >= least;
         tally->six += most >= 5;
-        most = most >= 3 ? (most - 2) * (most - 2) * (most - 2) : 0;
+        most = most >= least ? (most - least + 1) * (most - least + 1) * (most - least + 1) : 0;
         tile[x / BAND_ROWS] += most * most;
     }
 }

@@ -309,17 +309,36 @@ static double smooth(double v, double lo, double hi)
     return t * t * (3 - 2 * t);
 }
 
+/* Rays in sum of each pixel; of clear pictures, without specks. */
+static int sum_rays(struct sst_map_f32 *rays, const struct sst_map_f32 *weight, const struct sst_map_u16 *views,
+                    const struct job *j)
+{
+    int err = sst_map_f32_init(rays, weight->width, weight->height);
+
+    for (int y = 0; y < weight->height && !err; y++) {
+        for (int x = 0; x < weight->width; x++) {
+            const float w = sst_map_f32_row(weight, y)[x];
+
+            sst_map_f32_row(rays, y)[x] = isnan(w) ? 0 : w * (float)sst_map_u16_row(views, y)[x] / 255;
+        }
+    }
+    if (!err && j->cfg->method == SST_POSED_CLEAR)
+        err = specks_remove(rays, (const float[2]){ (float)KNOWN_LO, (float)KNOWN_HI }, LAYER_WINDOW * j->greys.step);
+    return err;
+}
+
 /* Means of weighted rays; of clear pictures, levels of unknown pixels become the dimmed integral, and means NAN. */
 static int finish(struct sst_posed_rendered *out, struct sst_integral *const sum[3], const struct job *j)
 {
     const bool clear = j->cfg->method == SST_POSED_CLEAR;
-    struct sst_map_f32 weight = { 0 };
+    struct sst_map_f32 weight = { 0 }, rays = { 0 };
     struct sst_deep plain = { 0 };
     int err = sst_integral_levels(&plain, sum[0]);
     double scale;
 
     err = err ? err : sst_integral_means(&weight, sum[2], 0);
     err = err ? err : sst_integral_views(&out->views, sum[2]);
+    err = err ? err : sum_rays(&rays, &weight, &out->views, j);
     out->seen = !err && posed_any(&out->views);
     err = err ? err : posed_stretch(&out->stretch, &plain, &out->views);
     err = err ? err : sst_deep_init(&out->levels, plain.width, plain.height, plain.channels, plain.white);
@@ -330,31 +349,28 @@ static int finish(struct sst_posed_rendered *out, struct sst_integral *const sum
             const int y = i / plain.width, x = i % plain.width;
             float *mean = sst_map_f32_row(&out->mean[c], y) + x;
             const double w = (double)sst_map_f32_row(&weight, y)[x], black = out->stretch.black;
-            double rays, grey, known;
-            float level;
+            const double r = (double)sst_map_f32_row(&rays, y)[x], all = sst_map_u16_row(&plain.plane[c], y)[x];
+            const double known = clear ? smooth(r, KNOWN_LO, KNOWN_HI) : 1, grey = black + DIM * (all - black);
+            double shown;
 
             if (isnan(w))
                 continue; /* no view sees it: level 0, mean NAN */
-            rays = w * sst_map_u16_row(&out->views, y)[x] / 255;
-            grey = black + DIM * (sst_map_u16_row(&plain.plane[c], y)[x] - black);
-            known = clear ? smooth(rays, KNOWN_LO, KNOWN_HI) : 1;
-            level = (float)(known > 0 ? known * scale * (double)*mean / w + (1 - known) * grey : grey);
-            *mean = clear && rays < KNOWN ? NAN : (float)(scale * (double)*mean / w);
-            sst_map_u16_row(&out->levels.plane[c], y)[x] =
-                (uint16_t)sst_clamp_double((double)level + 0.5, 0, plain.white);
+            shown = w > 0 ? scale * (double)*mean / w : all; /* of a dot that no ray reaches: all rays' */
+            *mean = clear && r < KNOWN ? NAN : (float)shown;
+            sst_map_u16_row(&out->levels.plane[c], y)[x] = (uint16_t)sst_clamp_double(
+                (double)(float)(known > 0 ? known * shown + (1 - known) * grey : grey) + 0.5, 0, plain.white);
         }
     }
     for (int i = 0; clear && !err && i < plain.height * plain.width; i++) {
         uint16_t *n = sst_map_u16_row(&out->views, i / plain.width) + i % plain.width;
+        const double r = (double)sst_map_f32_row(&rays, i / plain.width)[i % plain.width];
 
-        if (*n) {
-            const double rays = *n * (double)sst_map_f32_row(&weight, i / plain.width)[i % plain.width] / 255;
-
-            *n = (uint16_t)(rays < KNOWN ? 0 : rays + 0.5);
-        }
+        if (*n)
+            *n = (uint16_t)(r < KNOWN ? 0 : r + 0.5);
     }
     if (err)
         sst_log_error("no memory for a picture of %d x %d", j->cfg->camera.width, j->cfg->camera.height);
+    sst_map_f32_fini(&rays);
     sst_map_f32_fini(&weight);
     sst_deep_fini(&plain);
     return err;

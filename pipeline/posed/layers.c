@@ -10,7 +10,7 @@
 #include "pipeline/posed/surface_internal.h"
 
 #define RADIUS    3
-#define SIDE      7
+#define SIDE      LAYER_WINDOW
 #define AREA      49
 #define FLOOR     0.01f /* variance, of 1 over a picture */
 #define SAME      1     /* steps from the surface that still are the surface */

@@ -120,8 +120,8 @@ int greys_choose(int view[], int most, const struct sst_posed *posed, const stru
 /* --- agree: agreement of grey views on a surface
  * ---------------------------------------------------------------------- */
 
-/* Pixels of a surface: that four views see, and where the windows of at least four and six views agree with those of
- * one; spread: roots of the agreement in tiles of 32x32 px, summed, so that no few patches outweigh a surface. */
+/* Pixels of a surface: that four views see, and where the windows of at least four (of three views: all) and six views
+ * agree with those of one; spread: roots of the agreement in tiles of 32x32 px, summed, so that no few patches outweigh a surface. */
 struct agree_tally {
     int64_t seen, four, six;
     double spread;
@@ -151,6 +151,7 @@ SST_MUST_CHECK int agree_on(struct agree_tally *out, struct agree *agree, const 
  */
 
 #define LAYER_OTHERS 4 /* views that each view is compared with, at most */
+#define LAYER_WINDOW 7 /* px of the compared pictures */
 
 struct layers {
     const struct greys *greys;
@@ -193,5 +194,11 @@ SST_MUST_CHECK int posed_stretch(struct sst_samples *out, const struct sst_deep 
  */
 SST_MUST_CHECK int render_weighted(struct sst_posed_rendered *out, const struct sst_posed *posed, const char *dir,
                                    const struct sst_posed_render_config *cfg);
+
+/* --- specks -------------------------------------------------------------------------------------------------------- */
+
+/* Remove what windows of `window_px` cannot show, regions of half of a window's area at most: those of more than
+ * limits[0] rays get none, those of limits[1] rays at most that others enclose get limits[1]. @return 0, -ENOMEM */
+SST_MUST_CHECK int specks_remove(struct sst_map_f32 *rays, const float limits[2], int window_px);
 
 #endif

@@ -128,6 +128,13 @@ static void ground_is_behind_the_leaves(void **state SST_UNUSED)
     if (fabs(ground.distance_mm - (FLOOR - camera.centre_mm[2])) > 300 || ground.tilt_deg > 1)
         fail_msg("by default: ground at %.0f mm, tilted by %.2f degrees", ground.distance_mm, ground.tilt_deg);
     for (int k = 0; k < posed.count; k++)
+        posed.view[k].camera.known = k >= 2 && k <= 6 && k % 2 == 0;
+    assert_int_equal(sst_posed_ground(&ground, &posed, test_path("forest.lf"), &camera, &cfg), 0);
+    if (ground.views != 3 || fabs(ground.distance_mm - (FLOOR - camera.centre_mm[2])) > 300)
+        fail_msg("by %d views: ground at %.0f mm", ground.views, ground.distance_mm);
+    for (int k = 0; k < posed.count; k++)
+        posed.view[k].camera.known = true;
+    for (int k = 0; k < posed.count; k++)
         memcpy(posed.view[k].camera.position_mm, camera.centre_mm, sizeof(camera.centre_mm));
     assert_int_equal(sst_posed_ground(&ground, &posed, test_path("forest.lf"), &camera, &none), -EINVAL);
     sst_posed_fini(&posed);
@@ -230,6 +237,38 @@ static void clear_pictures_show_the_floor(void **state SST_UNUSED)
     sst_posed_fini(&posed);
 }
 
+/* Regions up to half of a window go, larger ones and those at the border of the picture stay. */
+static void specks_and_dots_go(void **state SST_UNUSED)
+{
+    enum { SIDE = 24 };
+    static const struct {
+        int x, y, width, height;
+        float rays, want;
+    } part[] = {
+        { 1, 1, 2, 4, 5, 0 },      /* a speck of 8 px, half of a window of 4x4 */
+        { 5, 1, 3, 3, 5, 5 },      /* 9 px */
+        { 12, 12, 12, 12, 5, 5 },  /* a surface at the border, with */
+        { 14, 14, 2, 2, 0, 2 },    /* a dot, */
+        { 18, 14, 3, 3, 0, 0 },    /* a hole, and */
+        { 23, 20, 1, 2, 0, 0 },    /* a dot at the border */
+    };
+    struct sst_map_f32 rays;
+
+    assert_int_equal(sst_map_f32_init(&rays, SIDE, SIDE), 0);
+    for (size_t i = 0; i < ARRAY_LEN(part); i++) {
+        for (int k = 0; k < part[i].width * part[i].height; k++)
+            sst_map_f32_row(&rays, part[i].y + k / part[i].width)[part[i].x + k % part[i].width] = part[i].rays;
+    }
+    assert_int_equal(specks_remove(&rays, (const float[2]){ 0.8f, 2 }, 4), 0);
+    for (size_t i = 0; i < ARRAY_LEN(part); i++) {
+        const float got = sst_map_f32_row(&rays, part[i].y)[part[i].x];
+
+        if (got != part[i].want)
+            fail_msg("part %zu: %.1f rays", i, (double)got);
+    }
+    sst_map_f32_fini(&rays);
+}
+
 /* Of views beyond a third of a picture the nearest ones, in whatever order they are stored; within it evenly. */
 static void the_nearest_views_are_chosen(void **state SST_UNUSED)
 {
@@ -287,6 +326,7 @@ int main(void)
         serial_test(ground_is_behind_the_leaves),
         cmocka_unit_test(terrain_of_utm_is_in_the_axes_of_the_light_field),
         cmocka_unit_test(clear_pictures_show_the_floor),
+        cmocka_unit_test(specks_and_dots_go),
         cmocka_unit_test(the_nearest_views_are_chosen),
         cmocka_unit_test(sides_are_checked),
     };
