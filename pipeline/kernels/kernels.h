@@ -92,7 +92,7 @@ enum sst_cpu_level {
     X(consensus_path_row)                                                                                              \
     X(consensus_choose_row)                                                                                            \
     X(correlate_places)                                                                                                \
-    X(descriptor_products)                                                                                             \
+    X(feature_products)                                                                                                \
     X(sha256_blocks)
 
 /* --- disparity (pipeline/method/disparity/) --- */
@@ -770,10 +770,10 @@ struct sst_warped_segment {
 typedef void sst_warped_row_fn(uint32_t *const sum[3], uint16_t *count, const struct sst_warped_source *from,
                                const struct sst_warped_segment *segment, size_t segments);
 
-/** out[i * n + j] = <a[i], b[j]>: products of descriptors of SST_DESCRIPTOR parts each, from -512 to 512.
+/** out[i * n + j] = <a[i], b[j]>: products of descriptors of SST_FEATURE_PARTS parts each, from -512 to 512.
  *  @param a  [count]. @param b  [n] */
-#define SST_DESCRIPTOR 128
-typedef void sst_descriptor_products_fn(int32_t *out, const int16_t *a, size_t count, const int16_t *b, size_t n);
+#define SST_FEATURE_PARTS 128
+typedef void sst_feature_products_fn(int32_t *out, const int16_t *a, size_t count, const int16_t *b, size_t n);
 
 #define SST_LIGHT_SHIFT 7                        /* fraction bits of samples */
 #define SST_LIGHT_WHITE (255 << SST_LIGHT_SHIFT) /* largest sample; fits int16_t */

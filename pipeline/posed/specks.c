@@ -81,7 +81,7 @@ int specks_remove(struct sst_map_f32 *rays, const float limits[2], int window_px
     r.list = malloc((r.most + 1) * sizeof(*r.list));
     if (stack && r.seen && r.list) {
         r.limit = limits[1];
-        set_small(&r, stack, limits[1]); /* dots first: they are no edge of a speck then */
+        set_small(&r, stack, limits[1]); /* dots first, which are no edge of a speck then */
         r.above = true;
         r.limit = limits[0];
         set_small(&r, stack, 0);

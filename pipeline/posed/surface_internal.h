@@ -121,7 +121,7 @@ int greys_choose(int view[], int most, const struct sst_posed *posed, const stru
  * ---------------------------------------------------------------------- */
 
 /* Pixels of a surface: that four views see, and where the windows of at least four (of three views: all) and six views
- * agree with those of one; spread: roots of the agreement in tiles of 32x32 px, summed, so that no few patches outweigh a surface. */
+ * agree with one view's; spread: roots of the agreement in tiles of 32x32 px, summed, so that no few patches outweigh a surface. */
 struct agree_tally {
     int64_t seen, four, six;
     double spread;
@@ -197,8 +197,8 @@ SST_MUST_CHECK int render_weighted(struct sst_posed_rendered *out, const struct 
 
 /* --- specks -------------------------------------------------------------------------------------------------------- */
 
-/* Remove what windows of `window_px` cannot show, regions of half of a window's area at most: those of more than
- * limits[0] rays get none, those of limits[1] rays at most that others enclose get limits[1]. @return 0, -ENOMEM */
+/* Remove what windows of `window_px` cannot show, regions of half of a window's area at most: regions of
+ * more than limits[0] rays get none, enclosed ones of limits[1] rays at most get limits[1]. @return 0, -ENOMEM */
 SST_MUST_CHECK int specks_remove(struct sst_map_f32 *rays, const float limits[2], int window_px);
 
 #endif

@@ -97,7 +97,7 @@ static const struct {
     { "score_add", 4 * 256.0 * SST_SCORE_CAP, UINT16_MAX, "scores of four rows of 256 views" },
     { "correlate_places", SST_CORRELATE_SIZE * SST_CORRELATE_SIZE * 255.0 * 255, INT32_MAX,
       "72 times products of 72 pairs of levels" },
-    { "descriptor_products", SST_DESCRIPTOR * 512.0 * 512, INT32_MAX, "128 products of 512, of unit length 512 at most" },
+    { "feature_products", SST_FEATURE_PARTS * 512.0 * 512, INT32_MAX, "128 products of 512, of unit length 512 at most" },
     { "sha256_blocks", UINT32_MAX, UINT32_MAX, "sums modulo 2^32 by definition" },
 };
 

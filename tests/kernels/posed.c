@@ -84,30 +84,30 @@ static void warped_row_equals_reference(void **state SST_UNUSED)
     guard_free_all();
 }
 
-static void descriptor_products_equal_reference(void **state SST_UNUSED)
+static void feature_products_equal_reference(void **state SST_UNUSED)
 {
     enum { A = 5, B = 11 };
     static const size_t sizes[][2] = { { 1, 1 }, { 2, 4 }, { 2, 3 }, { 3, 4 }, { 4, 9 }, { A, B } };
-    int16_t *const a = guard_random(A * SST_DESCRIPTOR * sizeof(*a), &seed);
-    int16_t *const b = guard_random(B * SST_DESCRIPTOR * sizeof(*b), &seed);
+    int16_t *const a = guard_random(A * SST_FEATURE_PARTS * sizeof(*a), &seed);
+    int16_t *const b = guard_random(B * SST_FEATURE_PARTS * sizeof(*b), &seed);
 
-    for (int i = 0; i < A * SST_DESCRIPTOR; i++)
-        a[i] = (int16_t)(i < SST_DESCRIPTOR ? 512 : below(1025) - 512);
-    for (int i = 0; i < B * SST_DESCRIPTOR; i++)
-        b[i] = (int16_t)(i < SST_DESCRIPTOR ? -512 : below(1025) - 512);
+    for (int i = 0; i < A * SST_FEATURE_PARTS; i++)
+        a[i] = (int16_t)(i < SST_FEATURE_PARTS ? 512 : below(1025) - 512);
+    for (int i = 0; i < B * SST_FEATURE_PARTS; i++)
+        b[i] = (int16_t)(i < SST_FEATURE_PARTS ? -512 : below(1025) - 512);
     for (int level = SST_CPU_BASE; level < SST_CPU_LEVELS; level++) {
         struct sst_kernels k;
 
         for (size_t i = 0; sst_kernels_at((enum sst_cpu_level)level, &k) && i < ARRAY_LEN(sizes); i++) {
             const size_t count = sizes[i][0], n = sizes[i][1];
             int32_t want[A * B], got[A * B];
-            const int16_t *from[2] = { a + (A - count) * SST_DESCRIPTOR, b + (B - n) * SST_DESCRIPTOR };
+            const int16_t *from[2] = { a + (A - count) * SST_FEATURE_PARTS, b + (B - n) * SST_FEATURE_PARTS };
 
-            sst_descriptor_products_ref(want, from[0], count, from[1], n);
-            k.descriptor_products(got, from[0], count, from[1], n);
+            sst_feature_products_ref(want, from[0], count, from[1], n);
+            k.feature_products(got, from[0], count, from[1], n);
             assert_memory_equal(got, want, count * n * sizeof(*want));
-            k.descriptor_products(got, a, 1, b, 1);
-            assert_int_equal(got[0], -512 * 512 * SST_DESCRIPTOR);
+            k.feature_products(got, a, 1, b, 1);
+            assert_int_equal(got[0], -512 * 512 * SST_FEATURE_PARTS);
         }
     }
     guard_free_all();
@@ -133,7 +133,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(warped_row_equals_reference),
         cmocka_unit_test(sums_have_room),
-        cmocka_unit_test(descriptor_products_equal_reference),
+        cmocka_unit_test(feature_products_equal_reference),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -237,7 +237,7 @@ static void clear_pictures_show_the_floor(void **state SST_UNUSED)
     sst_posed_fini(&posed);
 }
 
-/* Regions up to half of a window go, larger ones and those at the border of the picture stay. */
+/* Regions up to half of a window go, larger ones, and dots at the border of the picture, stay. */
 static void specks_and_dots_go(void **state SST_UNUSED)
 {
     enum { SIDE = 24 };

@@ -48,7 +48,7 @@ struct sst_process_report {
     double eps_h, coverage_hcsm, coverage_refined; /* coverage in percent of all pixels; NaN without labels */
     double disp_min_px, disp_max_px;               /* searched; equal when nothing was matched */
     enum sst_parallax parallax;                    /* of the views; without it no disparity counts as confirmed */
-    bool plain[SST_MAX_VIEWS];                     /* views without texture: none of their disparities counts either */
+    bool plain[SST_MAX_VIEWS];                     /* views without texture: no disparity of one counts */
     double confirmed;               /* percent of the disparities that another view confirms; NaN without confidences */
     struct sst_notices notices;     /* of the pictures as they were loaded; sst_notice_describe() fills the sentences */
     struct sst_align_report align;  /* what was moved or scaled before matching */

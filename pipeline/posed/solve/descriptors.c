@@ -10,7 +10,7 @@
 #define RATIO 0.85 /* of the best two distances */
 #define ONE   512  /* length of a descriptor */
 #define BAND  16   /* descriptors of a and ... */
-#define BLOCK 64   /* ... of b whose products are made at once: these stay in the first cache */
+#define BLOCK 64   /* ... of b that are multiplied at once, in the first cache */
 
 /* Best products so far. */
 struct best {
@@ -74,7 +74,7 @@ int poses_descriptors_match(const struct cv_features *a, const struct cv_feature
             const int n = sst_min_int(BLOCK, b->count - j);
             int32_t product[BAND * BLOCK];
 
-            kernels->descriptor_products(product, a->descriptor + (size_t)i * CV_DESCRIPTOR, (size_t)rows,
+            kernels->feature_products(product, a->descriptor + (size_t)i * CV_DESCRIPTOR, (size_t)rows,
                                          b->descriptor + (size_t)j * CV_DESCRIPTOR, (size_t)n);
             note(&band, back, product, (const int[2]){ i, j }, (const int[2]){ rows, n });
         }

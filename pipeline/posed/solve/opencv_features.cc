@@ -82,7 +82,7 @@ static cv::Mat normalised(const struct cv_grey *grey)
     return out;
 }
 
-/* The strongest features; weak ones, whose search takes longer, are sought where those are too few. @return scale of their places */
+/* The strongest features; weak ones, which take longer, only where strong ones are too few. @return scale of their places */
 static float detect(std::vector<cv::KeyPoint> &keys, cv::Mat &descriptors, const cv::Mat &picture, int most)
 {
     if (static_cast<double>(picture.total()) >= RICH_PX * most) {
