@@ -63,8 +63,8 @@ struct sst_gpu_blend {
     int32_t top, rows;    /* rows top .. top + rows - 1 of the picture, which the last two buffers hold */
     uint32_t first_view, views;
     uint32_t flags; /* enum sst_gpu_blend_flag */
-    float focus_whole_q6, focus_part_q6, scale, power[5], c1;
-    uint32_t first, count; /* as in struct sst_blend */
+    uint32_t near[6]; /* of struct sst_blend_near: first, last, times, focus, slope, bits */
+    float floor, scale;
 };
 
 enum sst_gpu_blend_flag {

@@ -28,8 +28,8 @@ layout(std430, binding = 6) buffer Out { uint result[]; };
 layout(std430, push_constant) uniform Constants {
     int width, pitch, top, rows;
     uint first_view, views, flags;
-    float focus_whole, focus_part, scale, power[5], c1;
-    uint first, count;
+    uint first, last, times, focus, slope, bits;
+    float base, scale;
 };
 
 const uint FIRST = 1, LAST = 2, WEIGHTED = 4, SUMMED = 8, BY_LABEL = 16, WEIGHTS = 32;

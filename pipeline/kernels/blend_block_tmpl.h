@@ -5,6 +5,7 @@
 
 #if SIMD_BYTES == 64
 typedef __mmask32 KERNEL(blend_where); /* pixels of a block */
+typedef __m256i KERNEL(blend_index);    /* a byte for each */
 
 /* Colours of half a block: pairs of neighbours in 16 bits, times their weights. Of p, BLEND_BLOCK + 1 bytes are read.
  */
@@ -27,6 +28,47 @@ static inline KERNEL(blend_where) KERNEL(blend_labelled)(const uint8_t *label, u
     return _mm256_cmpeq_epi8_mask(_mm256_loadu_si256((const __m256i *)(const void *)label), _mm256_set1_epi8((char)as));
 }
 
+static inline KERNEL(blend_index) KERNEL(blend_load_index)(const uint8_t index[SST_BLEND_FEW])
+{
+    return _mm256_broadcastsi128_si256(_mm_loadu_si128((const __m128i *)(const void *)index));
+}
+
+/* Indices of the weights of a block's labels; not below SST_BLEND_MANY where the label has none. */
+static inline KERNEL(blend_index) KERNEL(blend_indices)(KERNEL(blend_index) index, const uint8_t *label)
+{
+    const __m256i v = _mm256_loadu_si256((const __m256i *)(const void *)label);
+
+    return _mm256_or_si256(_mm256_shuffle_epi8(index, v), _mm256_and_si256(v, _mm256_set1_epi8((char)0xF0)));
+}
+
+/* Whether a block has labels without an index, or unknown disparities. */
+static inline bool KERNEL(blend_irregular)(KERNEL(blend_index) indices, simd_u16 unknown)
+{
+    return _mm512_test_epi16_mask((__m512i)unknown, (__m512i)unknown) ||
+           !_mm256_testz_si256(indices, _mm256_set1_epi8((char)0xF0));
+}
+
+/* Half a block of weights by index. */
+static inline simd_f32 KERNEL(blend_ones)(simd_f32 ones, KERNEL(blend_index) indices, int half)
+{
+    const __m128i part = half ? _mm256_extracti128_si256(indices, 1) : _mm256_castsi256_si128(indices);
+
+    return (simd_f32)_mm512_permutexvar_ps(_mm512_cvtepu8_epi32(part), (__m512)ones);
+}
+
+static inline simd_f32 KERNEL(blend_load_ones)(const float one[SST_BLEND_ONES])
+{
+    const __m512 v = _mm512_castps256_ps512(_mm256_loadu_ps(one));
+
+    return (simd_f32)_mm512_shuffle_f32x4(v, v, _MM_SHUFFLE(1, 0, 1, 0));
+}
+
+/* Stored disparities in the order that blend_expand() undoes. */
+static inline simd_u16 KERNEL(blend_disp)(const uint16_t *p)
+{
+    return (simd_u16)_mm512_permutexvar_epi64(_mm512_setr_epi64(0, 4, 1, 5, 2, 6, 3, 7), _mm512_loadu_si512(p));
+}
+
 #define BLEND_BITS 1 /* of blend_bits() for a pixel */
 
 static inline uint32_t KERNEL(blend_bits)(KERNEL(blend_where) m)
@@ -47,6 +89,7 @@ static inline void KERNEL(blend_bytes)(uint8_t *to, simd_s32 v)
 }
 #else
 typedef simd_u16 KERNEL(blend_where);
+typedef __m128i KERNEL(blend_index);
 
 static inline simd_s32 KERNEL(blend_pairs)(const uint8_t *p, int half)
 {
@@ -68,6 +111,43 @@ static inline KERNEL(blend_where) KERNEL(blend_labelled)(const uint8_t *label, u
 {
     return (simd_u16)_mm256_cvtepi8_epi16(
         _mm_cmpeq_epi8(_mm_loadu_si128((const __m128i *)(const void *)label), _mm_set1_epi8((char)as)));
+}
+
+static inline KERNEL(blend_index) KERNEL(blend_load_index)(const uint8_t index[SST_BLEND_FEW])
+{
+    return _mm_loadu_si128((const __m128i *)(const void *)index);
+}
+
+static inline KERNEL(blend_index) KERNEL(blend_indices)(KERNEL(blend_index) index, const uint8_t *label)
+{
+    const __m128i v = _mm_loadu_si128((const __m128i *)(const void *)label);
+
+    return _mm_or_si128(_mm_shuffle_epi8(index, v), _mm_and_si128(v, _mm_set1_epi8((char)0xF0)));
+}
+
+static inline bool KERNEL(blend_irregular)(KERNEL(blend_index) indices, simd_u16 unknown)
+{
+    const __m128i odd = _mm_and_si128(indices, _mm_set1_epi8((char)0xF0));
+    const __m256i any = _mm256_or_si256((__m256i)unknown, _mm256_zextsi128_si256(odd));
+
+    return !_mm256_testz_si256(any, any);
+}
+
+static inline simd_f32 KERNEL(blend_ones)(simd_f32 ones, KERNEL(blend_index) indices, int half)
+{
+    const __m256i at = _mm256_cvtepu8_epi32(half ? _mm_srli_si128(indices, 8) : indices);
+
+    return (simd_f32)_mm256_permutevar8x32_ps((__m256)ones, at);
+}
+
+static inline simd_f32 KERNEL(blend_load_ones)(const float one[SST_BLEND_ONES])
+{
+    return simd_load_f32(one);
+}
+
+static inline simd_u16 KERNEL(blend_disp)(const uint16_t *p)
+{
+    return (simd_u16)_mm256_permute4x64_epi64((__m256i)simd_load_u16(p), _MM_SHUFFLE(3, 1, 2, 0));
 }
 
 #define BLEND_BITS 2
@@ -121,20 +201,9 @@ static inline simd_f32 KERNEL(blend_float)(simd_s32 v)
     return (simd_f32)SIMD_OP(cvtepi32_ps)((SIMD_INT)v);
 }
 
-/* Half a block of stored disparities. */
-static inline simd_f32 KERNEL(blend_disp)(const uint16_t *p)
-{
-#if SIMD_BYTES == 64
-    return KERNEL(blend_float)((simd_s32)_mm512_cvtepu16_epi32(_mm256_loadu_si256((const __m256i *)(const void *)p)));
-#else
-    return KERNEL(blend_float)((simd_s32)_mm256_cvtepu16_epi32(_mm_loadu_si128((const __m128i *)(const void *)p)));
-#endif
-}
-
 #define BLEND_BLOCK   (2 * BLEND_HALF)
 #define BLEND_LINE    64                                                  /* pixels of a line of cache */
 #define BLEND_ALL     UINT32_MAX                                          /* blend_bits() of all pixels */
-#define BLEND_UNKNOWN ((SST_BLEND_COLUMNS - 1) << SST_BLEND_COLUMN_SHIFT) /* and above: the last column of W_s */
 
 /* Of a run: weights of the pixels of both rows, and of a block. */
 struct KERNEL(blend_taps) {
@@ -176,7 +245,7 @@ static __attribute__((noinline)) struct KERNEL(blend_weights)
     float each[BLEND_BLOCK];
 
     for (size_t i = 0; i < BLEND_BLOCK; i++)
-        each[i] = b->range[b->label[x + i]].weight[b->disp[x + i] >> SST_BLEND_COLUMN_SHIFT];
+        each[i] = b->by->range[b->label[x + i]].weight[b->disp[x + i] >> SST_BLEND_COLUMN_SHIFT];
     for (int half = 0; half < 2; half++)
         w.half[half] = simd_load_f32(each + half * BLEND_HALF);
     return w;
@@ -203,7 +272,7 @@ static inline __attribute__((always_inline)) struct KERNEL(blend_weights)
 
     for (uint32_t left = BLEND_ALL; left;) {
         const uint8_t label = b->label[x + (size_t)__builtin_ctz(left) / BLEND_BITS];
-        const struct sst_blend_range *r = &b->range[label];
+        const struct sst_blend_range *r = &b->by->range[label];
         const KERNEL(blend_where) of = KERNEL(blend_labelled)(b->label + x, label);
 
         if (r->ranges > SST_BLEND_RANGES)
@@ -216,51 +285,132 @@ static inline __attribute__((always_inline)) struct KERNEL(blend_weights)
     return w;
 }
 
-/* W_s of a block. */
+/* W_s of a block with unknown disparities or labels without an index. */
 static inline struct KERNEL(blend_weights) KERNEL(blend_block_labels)(const struct sst_blend *b, size_t x)
 {
-    const struct sst_blend_range *r = &b->range[b->label[x]];
-
-    if (r->ranges > SST_BLEND_RANGES || KERNEL(blend_bits)(KERNEL(blend_within)(b->disp + x, BLEND_UNKNOWN, 16)))
+    if (KERNEL(blend_bits)(KERNEL(blend_within)(b->disp + x, SST_BLEND_UNKNOWN, 16)))
         return KERNEL(blend_label_table)(b, x);
     return KERNEL(blend_some_labels)(b, x);
 }
 
+/* Constants of a run of rays: as vectors in memory, for there are more than registers. */
+struct KERNEL(blend_run) {
+    const struct sst_blend *b;
+    simd_f32 scale, floor, ones; /* scale: with the aperture; ones: times scale */
+    simd_u16 unknown, first, last, times, focus, slope, power[3], bias;
+    KERNEL(blend_index) index;     /* by label */
+    __m128i to_fraction, to_whole; /* shifts of exponents */
+};
+
+/* What of a run is at hand, out of the way of what is written. */
+struct KERNEL(blend_rows) {
+    const uint8_t *top[3], *bottom[3];
+    struct KERNEL(blend_taps) taps;
+    const uint16_t *disp;
+    const uint8_t *label;
+    bool by_depth;
+};
+
+static inline struct KERNEL(blend_rows) KERNEL(blend_set_rows)(const struct sst_blend *b)
+{
+    return (struct KERNEL(blend_rows)){ .top = { b->top[0], b->top[1], b->top[2] },
+                                        .bottom = { b->bottom[0], b->bottom[1], b->bottom[2] },
+                                        .taps = KERNEL(blend_set_taps)(b),
+                                        .disp = b->disp,
+                                        .label = b->label,
+                                        .by_depth = b->near.bits != 0 };
+}
+
+static inline void KERNEL(blend_set_run)(struct KERNEL(blend_run) * r, const struct sst_blend *b)
+{
+    const struct sst_blend_near *n = &b->near;
+
+    r->b = b;
+    r->scale = simd_set_f32(b->disp ? b->aperture * n->scale : b->aperture);
+    r->floor = simd_set_f32(n->floor);
+    if (b->label) {
+        r->ones = r->scale * KERNEL(blend_load_ones)(b->by->one);
+        r->index = KERNEL(blend_load_index)(b->by->index);
+    }
+    r->unknown = simd_set_u16(SST_BLEND_UNKNOWN);
+    r->first = simd_set_u16(n->first);
+    r->last = simd_set_u16(n->last);
+    r->times = simd_set_u16(n->times);
+    r->focus = simd_set_u16(n->focus);
+    r->slope = simd_set_u16(n->slope);
+    r->power[0] = simd_set_u16(SST_BLEND_POWER_1);
+    r->power[1] = simd_set_u16(SST_BLEND_POWER_2);
+    r->power[2] = simd_set_u16(SST_BLEND_POWER_3);
+    r->bias = simd_set_u16((uint16_t)(127 - (1 << (16 - n->bits))));
+    r->to_fraction = _mm_cvtsi32_si128(16 - n->bits);
+    r->to_whole = _mm_cvtsi32_si128(n->bits);
+}
+
+/* W_d over `scale` of a block: sst_blend_near(). */
+static inline struct KERNEL(blend_weights)
+    KERNEL(blend_block_near)(const struct KERNEL(blend_run) * r, simd_u16 disp, simd_u16 known)
+{
+    const simd_u16 from_focus = simd_min_u16(simd_max_u16(disp, r->first), r->last) * r->times - r->focus;
+    const simd_u16 off = (simd_u16)SIMD_OP(abs_epi16)((SIMD_INT)from_focus);
+    const simd_u16 y = simd_high_u16(off + off, r->slope), e = ~simd_high_u16(y, y);
+    const simd_u16 g = (simd_u16)SIMD_OP(sll_epi16)((SIMD_INT)e, r->to_fraction);
+    const simd_u16 h = simd_high_u16(simd_high_u16(g, r->power[2]) + r->power[1], g) + r->power[0];
+    const SIMD_INT mantissa = (SIMD_INT)(simd_high_u16(h, g) & known);
+    const SIMD_INT exponent =
+        (SIMD_INT)(((simd_u16)SIMD_OP(srl_epi16)((SIMD_INT)e, r->to_whole) + r->bias) & known);
+    struct KERNEL(blend_weights) w;
+
+    w.half[0] = (simd_f32)((simd_u32)SIMD_OP(unpacklo_epi16)(mantissa, exponent) << 7) + r->floor;
+    w.half[1] = (simd_f32)((simd_u32)SIMD_OP(unpackhi_epi16)(mantissa, exponent) << 7) + r->floor;
+    return w;
+}
+
+/* A W_s W_d of a block with unknown disparities or labels without an index. */
+static __attribute__((noinline)) struct KERNEL(blend_weights)
+    KERNEL(blend_irregular_weights)(const struct KERNEL(blend_run) * r, size_t x)
+{
+    const simd_u16 disp = KERNEL(blend_disp)(r->b->disp + x);
+    const simd_u16 known = (simd_u16)(simd_max_u16(disp, r->unknown) != disp);
+    struct KERNEL(blend_weights) w = { { r->scale, r->scale } }, near;
+
+    if (r->b->label) {
+        w = KERNEL(blend_block_labels)(r->b, x);
+        for (int half = 0; half < 2; half++)
+            w.half[half] = r->scale * w.half[half];
+    }
+    if (!r->b->near.bits)
+        return w;
+    near = KERNEL(blend_block_near)(r, disp, known);
+    for (int half = 0; half < 2; half++)
+        w.half[half] *= near.half[half];
+    return w;
+}
+
 /* A W_s W_d of a block. */
 static inline __attribute__((always_inline)) struct KERNEL(blend_weights)
-    KERNEL(blend_block_weights)(const struct sst_blend *b, size_t x)
+    KERNEL(blend_block_weights)(const struct KERNEL(blend_run) * r, const struct KERNEL(blend_rows) * b, size_t x)
 {
-    const simd_f32 aperture = simd_set_f32(b->aperture), c1 = simd_set_f32(b->c1);
-    struct KERNEL(blend_weights) w = { { aperture, aperture } };
-    KERNEL(blend_where) near;
-    uint32_t bits;
+    struct KERNEL(blend_weights) w = { { r->scale, r->scale } };
+    KERNEL(blend_index) indices = { 0 };
+    simd_u16 disp, unknown;
 
     if (!b->disp)
         return w;
+    disp = KERNEL(blend_disp)(b->disp + x);
+    unknown = (simd_u16)(simd_max_u16(disp, r->unknown) == disp);
     if (b->label) {
-        w = KERNEL(blend_block_labels)(b, x);
+        indices = KERNEL(blend_indices)(r->index, b->label + x);
         for (int half = 0; half < 2; half++)
-            w.half[half] = aperture * w.half[half];
+            w.half[half] = KERNEL(blend_ones)(r->ones, indices, half);
     }
-    near = KERNEL(blend_within)(b->disp + x, b->first, b->count);
-    bits = b->count ? KERNEL(blend_bits)(near) : 0;
-    if (!bits) {
-        for (int half = 0; half < 2; half++)
-            w.half[half] = w.half[half] * c1;
-        return w;
-    }
-    for (int half = 0; half < 2; half++) {
-        const simd_f32 disp = KERNEL(blend_disp)(b->disp + x + half * BLEND_HALF);
-        const simd_f32 d = (disp - b->focus_whole_q6) - b->focus_part_q6, u = d * d * b->scale;
-        const simd_f32 m = u + SST_EXP2_MAGIC, r = (m - SST_EXP2_MAGIC) - u;
-        simd_f32 p = simd_set_f32(b->power[4]);
+    if (b->by_depth) {
+        const struct KERNEL(blend_weights) near = KERNEL(blend_block_near)(r, disp, ~(simd_u16){ 0 });
 
-        for (int i = 3; i >= 0; i--)
-            p = p * r + b->power[i];
-        p = (simd_f32)((simd_u32)p - ((simd_u32)m << 23)); /* times a power of 2 */
-        p = KERNEL(blend_select)(near, half, p, simd_set_f32(0));
-        w.half[half] *= p + c1;
+        for (int half = 0; half < 2; half++)
+            w.half[half] *= near.half[half];
     }
+    if (__builtin_expect(KERNEL(blend_irregular)(indices, unknown), 0))
+        w = KERNEL(blend_irregular_weights)(r, x);
     return w;
 }
 
@@ -277,38 +427,77 @@ static inline void KERNEL(blend_increase)(float *at, simd_f32 by)
     simd_store_f32(at, simd_load_f32(at) + by);
 }
 
-/* A block, without its first `done` pixels. */
-static inline void KERNEL(blend_rays_block)(float *const acc[4], const struct sst_blend *b, size_t x,
-                                            const struct KERNEL(blend_taps) * t, size_t done)
+/* A W_s W_d of the pixels from .. from + n of a run, n at least BLEND_BLOCK. Not inlined: constants would be made again
+ * for each block. */
+static __attribute__((noinline)) void KERNEL(blend_weights_run)(float *w, const struct KERNEL(blend_run) * r,
+                                                                size_t from, size_t n)
 {
-    const struct KERNEL(blend_weights) w = KERNEL(blend_block_weights)(b, x);
+    const struct KERNEL(blend_rows) rows = KERNEL(blend_set_rows)(r->b);
 
-    for (int half = 0; half < 2; half++) {
-        const simd_f32 of = done ? KERNEL(blend_mask)(w.half[half], KERNEL(blend_undone)(done, half)) : w.half[half];
-        const size_t at = x + (size_t)half * BLEND_HALF;
+    for (size_t x = 0; x < n; x += BLEND_BLOCK) {
+        const size_t at = x + BLEND_BLOCK <= n ? x : n - BLEND_BLOCK;
+        const struct KERNEL(blend_weights) of = KERNEL(blend_block_weights)(r, &rows, from + at);
 
-        KERNEL(blend_increase)(acc[3] + at, of);
-        for (int c = 0; c < 3; c++)
-            KERNEL(blend_increase)
-        (acc[c] + at, of * KERNEL(blend_float)(KERNEL(blend_colours)(b->top[c] + x, b->bottom[c] + x, half, t)));
+        simd_store_f32(w + at, of.half[0]);
+        simd_store_f32(w + at + BLEND_HALF, of.half[1]);
     }
 }
 
+/* Add half a block of rays of weight w. */
+static inline void KERNEL(blend_add)(float *const acc[4], const struct KERNEL(blend_rows) * b, size_t x, int half,
+                                     simd_f32 w)
+{
+    const size_t at = x + (size_t)half * BLEND_HALF;
+
+    KERNEL(blend_increase)(acc[3] + at, w);
+    for (int c = 0; c < 3; c++)
+        KERNEL(blend_increase)
+    (acc[c] + at, w * KERNEL(blend_float)(KERNEL(blend_colours)(b->top[c] + x, b->bottom[c] + x, half, &b->taps)));
+}
+
+/* Add the rays of the pixels from .. from + n, n at least BLEND_BLOCK. */
+static __attribute__((noinline)) void KERNEL(blend_rays_run)(float *const acc[4], const float *w,
+                                                             const struct sst_blend *b, size_t from, size_t n)
+{
+    float *const to[4] = { acc[0] + from, acc[1] + from, acc[2] + from, acc[3] + from };
+    struct KERNEL(blend_rows) rows = KERNEL(blend_set_rows)(b);
+    size_t x = 0;
+
+    for (int c = 0; c < 3; c++) {
+        rows.top[c] += from;
+        rows.bottom[c] += from;
+    }
+    for (; x + BLEND_BLOCK <= n; x += BLEND_BLOCK) {
+        KERNEL(blend_add)(to, &rows, x, 0, simd_load_f32(w + x));
+        KERNEL(blend_add)(to, &rows, x, 1, simd_load_f32(w + x + BLEND_HALF));
+    }
+    if (x == n)
+        return;
+    for (int half = 0; half < 2; half++) {
+        const size_t last = n - BLEND_BLOCK;
+        const simd_s32 undone = KERNEL(blend_undone)(x - last, half);
+
+        KERNEL(blend_add)
+        (to, &rows, last, half, KERNEL(blend_mask)(simd_load_f32(w + last + half * BLEND_HALF), undone));
+    }
+}
+
+/* Weights first: their long chains of operations would delay the colours. */
 static void KERNEL(blend_rays)(float *const acc[4], const struct sst_blend *b, size_t n)
 {
-    const struct KERNEL(blend_taps) t = KERNEL(blend_set_taps)(b);
-    const struct sst_blend of = *b;
-    float *const to[4] = { acc[0], acc[1], acc[2], acc[3] };
-    size_t x = 0;
+    struct KERNEL(blend_run) r;
+    float w[BLEND_PART + BLEND_BLOCK];
 
     if (n < BLEND_BLOCK) {
         KERNEL(blend_rays_parts)(acc, b, n);
         return;
     }
-    for (; x + BLEND_BLOCK <= n; x += BLEND_BLOCK)
-        KERNEL(blend_rays_block)(to, &of, x, &t, 0);
-    if (x < n)
-        KERNEL(blend_rays_block)(to, &of, n - BLEND_BLOCK, &t, x - (n - BLEND_BLOCK));
+    KERNEL(blend_set_run)(&r, b);
+    for (size_t x = 0, part; x < n; x += part) {
+        part = n - x < BLEND_PART + BLEND_BLOCK ? n - x : BLEND_PART;
+        KERNEL(blend_weights_run)(w, &r, x, part);
+        KERNEL(blend_rays_run)(acc, w, b, x, part);
+    }
 }
 
 /* Add whole blocks of one colour of some views: sums stay in registers from view to view. One colour at a time: rows of
@@ -385,24 +574,24 @@ static void KERNEL(blend_plain)(int32_t *const sum[3], float *count, const struc
 
 static void KERNEL(blend_take)(uint8_t *const colour[3], float *weight, const struct sst_blend *b, size_t n)
 {
-    const struct KERNEL(blend_taps) t = KERNEL(blend_set_taps)(b);
+    const struct KERNEL(blend_rows) rows = KERNEL(blend_set_rows)(b);
+    struct KERNEL(blend_run) r;
 
     if (n < BLEND_BLOCK) {
         KERNEL(blend_take_parts)(colour, weight, b, n);
         return;
     }
+    KERNEL(blend_set_run)(&r, b);
+    KERNEL(blend_weights_run)(weight, &r, 0, n);
     for (size_t x = 0; x < n; x += BLEND_BLOCK) {
         const size_t from = x + BLEND_BLOCK <= n ? x : n - BLEND_BLOCK;
-        const struct KERNEL(blend_weights) w = KERNEL(blend_block_weights)(b, from);
 
         for (int half = 0; half < 2; half++) {
-            const size_t at = from + (size_t)half * BLEND_HALF;
-
-            simd_store_f32(weight + at, w.half[half]);
             for (int c = 0; c < 3; c++)
                 KERNEL(blend_bytes)
-            (colour[c] + at,
-             (KERNEL(blend_colours)(b->top[c] + from, b->bottom[c] + from, half, &t) + SST_BLEND_LEVEL / 2) >>
+            (colour[c] + from + (size_t)half * BLEND_HALF,
+             (KERNEL(blend_colours)(rows.top[c] + from, rows.bottom[c] + from, half, &rows.taps) +
+              SST_BLEND_LEVEL / 2) >>
                  SST_BLEND_LEVEL_BITS);
         }
     }
@@ -413,4 +602,3 @@ static void KERNEL(blend_take)(uint8_t *const colour[3], float *weight, const st
 #undef BLEND_LINE
 #undef BLEND_ALL
 #undef BLEND_BITS
-#undef BLEND_UNKNOWN

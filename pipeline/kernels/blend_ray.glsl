@@ -1,21 +1,22 @@
 // Colour and weight of a ray: for blend.comp and verify_rays.comp, which declare the buffers `label`, `view`, `pixel`,
-// `disp`, `valid` and `table`, and the constants `focus_whole`, `focus_part`, `scale`, `power`, `c1`, `first` and
-// `count`.
+// `disp`, `valid` and `table`, and the constants of struct sst_blend_near.
 // SPDX-FileCopyrightText: 2026 The sst contributors
 // SPDX-License-Identifier: Apache-2.0
 
 const uint COLUMN_SHIFT = 4, COLUMN_BITS = 12;
 const float LEVEL = 16384.0;
 
-// sst_exp2_neg(). `precise`: no multiplication is fused with a sum, as on the CPU.
-float exp2_neg(float u)
-{
-    const float magic = 12582912.0;
-    precise float m = u + magic;
-    precise float r = (m - magic) - u;
-    precise float p = power[0] + r * (power[1] + r * (power[2] + r * (power[3] + r * power[4])));
+const uint UNKNOWN = 65520, POWER_1 = 45574, POWER_2 = 14837, POWER_3 = 5125;
 
-    return uintBitsToFloat(floatBitsToUint(p) - (floatBitsToUint(m) << 23));
+// The power of sst_blend_near().
+float near_power(uint d)
+{
+    const uint from_focus = (clamp(d, first, last) * times - focus) & 0xFFFF;
+    const uint off = (from_focus & 0x8000) != 0 ? 0x10000 - from_focus : from_focus, y = 2 * off * slope >> 16;
+    const uint e = 0xFFFF - (y * y >> 16), g = (e << (16 - bits)) & 0xFFFF;
+    const uint mantissa = (((g * POWER_3 >> 16) + POWER_2) * g >> 16) + POWER_1;
+
+    return uintBitsToFloat((((e >> bits) + 127 - (1 << (16 - bits))) << 16 | (mantissa * g >> 16)) << 7);
 }
 
 uint disparity(uint at)
@@ -48,13 +49,14 @@ ivec3 level(uint v, uint at, uint right, uint below)
 // A W_s W_d of a ray.
 float weigh(float aperture, uint d, uint name, bool labels)
 {
-    precise float apart = (float(d) - focus_whole) - focus_part;
-    precise float near = ((d - first) & 0xFFFF) < count ? exp2_neg(apart * apart * scale) : 0.0;
-    precise float w_d = near + c1;
-    float w_s = 1.0;
+    precise float w = aperture * scale;
 
     if (labels)
-        w_s = table[(label[name].row << COLUMN_BITS) + (d >> COLUMN_SHIFT)];
-    precise float w = aperture * w_s * w_d;
+        w *= table[(label[name].row << COLUMN_BITS) + (d >> COLUMN_SHIFT)];
+    if (bits != 0) {
+        precise float w_d = (d < UNKNOWN ? near_power(d) : 0.0) + base;
+
+        w *= w_d;
+    }
     return w;
 }

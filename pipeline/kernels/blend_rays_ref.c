@@ -1,19 +1,17 @@
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/blend_colour_ref.h"
-#include "pipeline/kernels/exp_neg.h"
 
 static float ray_weight(const struct sst_blend *b, size_t x)
 {
-    float d, w_d, w_s = 1;
+    float w;
 
     if (!b->disp)
         return b->aperture;
-    d = ((float)b->disp[x] - b->focus_whole_q6) - b->focus_part_q6;
-    w_d = ((uint16_t)(b->disp[x] - b->first) < b->count ? sst_exp2_neg(d * d * b->scale, b->power) : 0) + b->c1;
+    w = b->aperture * b->near.scale;
     if (b->label)
-        w_s = b->range[b->label[x]].weight[b->disp[x] >> SST_BLEND_COLUMN_SHIFT];
-    return b->aperture * w_s * w_d;
+        w *= b->by->range[b->label[x]].weight[b->disp[x] >> SST_BLEND_COLUMN_SHIFT];
+    return b->near.bits ? w * sst_blend_near(&b->near, b->disp[x]) : w;
 }
 
 void sst_blend_rays_ref(float *const acc[4], const struct sst_blend *b, size_t n)

@@ -6,7 +6,7 @@
  * quantity. */
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "pipeline/kernels/exp_neg.h"
+#include "pipeline/kernels/blend_near.h"
 #include "pipeline/kernels/simd.h"
 
 #define BLEND_PART 256
@@ -25,22 +25,31 @@ static inline void KERNEL(blend_colour)(int32_t *restrict out, const struct sst_
 /* w holds W_s and becomes A W_s W_d. */
 static inline void KERNEL(blend_depth_weights)(float *restrict w, const struct sst_blend *b, size_t n)
 {
-    const uint16_t *restrict disp = b->disp, first = b->first, count = b->count;
-    const float whole = b->focus_whole_q6, part = b->focus_part_q6, scale = b->scale, c1 = b->c1;
-    const float aperture = b->aperture;
+    const uint16_t *restrict disp = b->disp;
+    const struct sst_blend_near near = b->near;
+    const float scale = b->aperture * near.scale;
+    uint16_t exponent[BLEND_PART], mantissa[BLEND_PART];
 
+    for (size_t x = 0; x < n; x++)
+        w[x] = scale * w[x];
+    if (!near.bits)
+        return;
     for (size_t x = 0; x < n; x++) {
-        const float d = ((float)disp[x] - whole) - part;
-        const float near = sst_exp2_neg(d * d * scale, b->power);
+        const uint16_t known = (uint16_t)(disp[x] < SST_BLEND_UNKNOWN ? UINT16_MAX : 0);
+        uint16_t e, m;
 
-        w[x] = aperture * w[x] * (((uint16_t)(disp[x] - first) < count ? near : 0.0f) + c1);
+        sst_blend_near_parts(&e, &m, &near, disp[x]);
+        exponent[x] = e & known;
+        mantissa[x] = m & known;
     }
+    for (size_t x = 0; x < n; x++)
+        w[x] *= sst_blend_near_power(exponent[x], mantissa[x]) + near.floor;
 }
 
 static inline void KERNEL(blend_label_weights)(float *restrict w, const struct sst_blend *b, size_t n)
 {
     for (size_t x = 0; x < n; x++)
-        w[x] = b->label ? b->range[b->label[x]].weight[b->disp[x] >> SST_BLEND_COLUMN_SHIFT] : 1.0f;
+        w[x] = b->label ? b->by->range[b->label[x]].weight[b->disp[x] >> SST_BLEND_COLUMN_SHIFT] : 1.0f;
 }
 
 /* From the x-th pixel on. */

@@ -33,33 +33,4 @@ static inline float sst_exp_neg(float t)
     return p * scale;
 }
 
-#define SST_EXP2_NEG_MAX 124.0F
-#define SST_EXP2_MAGIC   12582912.0F /* 1.5 2^23: floats around it are whole numbers */
-#define SST_EXP2_POWERS  5
-#define SST_EXP2_POWER                                                                                                 \
-    {                                                                                                                  \
-        1.0F, 0.69312419F, 0.24024099F, 0.05590643F, 0.00958285F                                                       \
-    }
-
-/**
- * 2^-u for 0 <= u <= SST_EXP2_NEG_MAX times a factor that `power`, SST_EXP2_POWER, is multiplied by. Relative error at
- * most 3e-6, 0 for u = 0. Other u: any value.
- *
- * u = k - r with |r| <= 1/2, 2^-u = 2^-k 2^r. The coefficients make the largest relative error of 2^r least; k is
- * subtracted from the exponent.
- */
-static inline float sst_exp2_neg(float u, const float power[SST_EXP2_POWERS])
-{
-    const float m = u + SST_EXP2_MAGIC, r = (m - SST_EXP2_MAGIC) - u;
-    const float p = power[0] + r * (power[1] + r * (power[2] + r * (power[3] + r * power[4])));
-    uint32_t bits, k;
-    float out;
-
-    memcpy(&bits, &p, sizeof(bits));
-    memcpy(&k, &m, sizeof(k));
-    bits -= k << 23;
-    memcpy(&out, &bits, sizeof(out));
-    return out;
-}
-
 #endif

@@ -8,6 +8,7 @@
 #include <stdbool.h>
 
 #include "base/base.h"
+#include "pipeline/kernels/blend_near.h"
 #include "pipeline/kernels/consensus.h"
 
 /*
@@ -482,6 +483,35 @@ struct sst_blend_range {
     float inside[SST_BLEND_RANGES], outside;
 };
 
+#define SST_BLEND_FEW  16   /* labels below it, ... */
+#define SST_BLEND_ONES 8    /* ... different weights of theirs that kernels have at hand */
+#define SST_BLEND_MANY 0x80 /* no index of one */
+
+/** Weights of all labels. */
+struct sst_blend_labels {
+    struct sst_blend_range range[256];
+    /* sst_blend_labels_few() */
+    float one[SST_BLEND_ONES];
+    uint8_t index[SST_BLEND_FEW]; /* of `one`, by label; SST_BLEND_MANY: W_s depends on the disparity, or has no place */
+};
+
+/** Set `one` and `index` by `range`. */
+static inline void sst_blend_labels_few(struct sst_blend_labels *l)
+{
+    int n = 0, k;
+
+    for (int i = 0; i < SST_BLEND_FEW; i++) {
+        for (k = 0; k < n && l->one[k] != l->range[i].outside; k++)
+            ;
+        l->index[i] = SST_BLEND_MANY;
+        if (l->range[i].ranges || k == SST_BLEND_ONES)
+            continue;
+        l->one[k] = l->range[i].outside;
+        l->index[i] = (uint8_t)k;
+        n = k == n ? n + 1 : n;
+    }
+}
+
 /** Contribution of one view to a stretch of one output row. Pointers refer to the source pixel of the first output
  *  pixel. */
 struct sst_blend {
@@ -489,20 +519,15 @@ struct sst_blend {
     int16_t tap[4];                    /* sst_blend_set_taps(): of top[x], top[x + 1], bottom[x], bottom[x + 1] */
     size_t below;                      /* bytes from `bottom` to a row that is wanted soon; 0: none */
     /* not for blend_plain */
-    float aperture;                      /* weight of the view */
-    const uint16_t *disp;                /* nearest pixel, n of them; 0xFFFF: unknown. NULL: W_s = W_d = 1 */
-    const uint8_t *label;                /* nearest pixel; NULL: W_s = 1 */
-    const struct sst_blend_range *range; /* [256] W_s by label */
-    float focus_whole_q6, focus_part_q6; /* d_f in stored units, split so that their rounding does not show */
-    float scale;                         /* log2(e) / (2 sigma_d^2) in stored units, >= 0 */
-    float power[5];                      /* SST_EXP2_POWER of exp_neg.h times 1 - C1 */
-    float c1;
-    uint16_t first, count; /* stored disparities from `first` on whose W_d is not C1; not 0xFFFF */
+    float aperture;                    /* weight of the view */
+    const uint16_t *disp;              /* nearest pixel, n of them; 0xFFFF: unknown. NULL: W_s = W_d = 1 */
+    const uint8_t *label;              /* nearest pixel; NULL: W_s = 1 */
+    const struct sst_blend_labels *by; /* W_s by label */
+    struct sst_blend_near near;        /* W_d by disparity */
 };
 
 /**
- * acc[0..2] += A W_s W_d C, acc[3] += A W_s W_d (design.md, 5.4) with C bilinear, times SST_BLEND_LEVEL, and
- * W_d = (1 - C1) 2^-((focus - disp)^2 scale) + C1.
+ * acc[0..2] += A W_s W_d C, acc[3] += A W_s W_d (design.md, 5.4) with C bilinear, times SST_BLEND_LEVEL.
  *
  * @param acc  in and out, four rows of n; n at most SST_BLEND_MAX
  */

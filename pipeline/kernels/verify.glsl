@@ -5,8 +5,8 @@
 layout(std430, push_constant) uniform Constants {
     int width, pitch, top, rows;
     uint first_view, views, flags;
-    float focus_whole, focus_part, scale, power[5], c1;
-    uint first, count;
+    uint first, last, times, focus, slope, bits;
+    float base, scale;
     int height, from, to, nearest, levels;
     uint ray_views, rays, explained;
     float all, vote_scale, most, doubt_step;

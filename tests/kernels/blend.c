@@ -49,7 +49,7 @@ static float random_share(void)
 /* Weights by label and disparity; every fifth label's are irregular. */
 struct weights {
     float table[256 * SST_BLEND_COLUMNS];
-    struct sst_blend_range range[256];
+    struct sst_blend_labels by;
 };
 
 static struct weights *random_weights(void)
@@ -59,7 +59,7 @@ static struct weights *random_weights(void)
     assert_non_null(w);
     for (size_t label = 0; label < 256; label++) {
         float *row = w->table + label * SST_BLEND_COLUMNS;
-        struct sst_blend_range *r = &w->range[label];
+        struct sst_blend_range *r = &w->by.range[label];
 
         *r = (struct sst_blend_range){ .weight = row, .ranges = (int)(label % 5), .outside = random_share() };
         for (size_t c = 0; c < SST_BLEND_COLUMNS; c++)
@@ -74,6 +74,7 @@ static struct weights *random_weights(void)
                 row[c] = r->inside[i];
         }
     }
+    sst_blend_labels_few(&w->by);
     return w;
 }
 
@@ -104,16 +105,11 @@ static const uint16_t *random_disparities(size_t n)
 
 static struct sst_blend random_blend(size_t n, const struct weights *weights)
 {
-    struct sst_blend b = { .aperture = 0.75f,
-                           .range = weights->range,
-                           .focus_whole_q6 = 300,
-                           .focus_part_q6 = -0.25f,
-                           .scale = 1 / 2000.0f,
-                           .power = SST_EXP2_POWER,
-                           .c1 = 0.01f,
-                           .first = 80,
-                           .count = 441 };
+    struct sst_blend b = { .aperture = 0.75f, .by = &weights->by, .near = { .scale = 0.01f } };
 
+    if (sst_random_u64(&seed) % 4)
+        sst_blend_near_set(&b.near, sst_random_in(&seed, -50, 700), exp2(sst_random_in(&seed, -2, 9)),
+                           sst_random_u64(&seed) % 3 ? 0.01 : 0);
     sst_blend_set_taps(b.tap, (double)random_share(), (double)random_share());
     if (sst_random_u64(&seed) % 4 == 0) {
         sst_blend_set_taps(b.tap, 0.998330071, 0.995215170);
@@ -123,8 +119,6 @@ static struct sst_blend random_blend(size_t n, const struct weights *weights)
         b.top[c] = guard_random(n + 1, &seed);
         b.bottom[c] = guard_random(n + 1, &seed);
     }
-    if (sst_random_u64(&seed) % 4 == 0)
-        b.first = b.count = 0;
     b.disp = sst_random_u64(&seed) % 9 ? random_disparities(n) : NULL;
     b.label = sst_random_u64(&seed) % 4 ? random_labels(n) : NULL;
     return b;
@@ -260,7 +254,7 @@ static void support_by_hand(void **state SST_UNUSED)
 static void reference_is_the_formula(void **state SST_UNUSED)
 {
     static float row[SST_BLEND_COLUMNS];
-    static const struct sst_blend_range range[256] = { [7] = { .weight = row, .ranges = SST_BLEND_RANGES + 1 } };
+    static const struct sst_blend_labels by = { .range = { [7] = { .weight = row, .ranges = SST_BLEND_RANGES + 1 } } };
     const uint8_t top[] = { 10, 30 }, bottom[] = { 50, 110 }, label = 7;
     const uint16_t disp = 100;
     struct sst_blend b = { .top = { top, top, top },
@@ -268,26 +262,19 @@ static void reference_is_the_formula(void **state SST_UNUSED)
                            .aperture = 2,
                            .disp = &disp,
                            .label = &label,
-                           .range = range,
-                           .focus_whole_q6 = 92,
-                           .scale = (float)(M_LOG2E / 64),
-                           .power = SST_EXP2_POWER,
-                           .c1 = 0.2f,
-                           .first = 92 - 30,
-                           .count = 61 };
+                           .by = &by };
     float r = 1, g = 0, blue = 0, w = 0, *const acc[4] = { &r, &g, &blue, &w };
     int32_t sums[3] = { 1, 0, 0 }, *const sum[3] = { sums, sums + 1, sums + 2 };
     const uint16_t none = 0xFFFF;
 
-    for (int i = 0; i < SST_EXP2_POWERS; i++)
-        b.power[i] *= 0.8f;
+    sst_blend_near_set(&b.near, 92, sqrt(32), 0.2);
     sst_blend_set_taps(b.tap, 0.5, 0.25);
     row[100 / 16] = 0.5f;
     row[SST_BLEND_COLUMNS - 1] = 1;
     sst_blend_rays_ref(acc, &b, 1);
-    assert_true(fabs(w - 0.494304) < 3e-6);
-    assert_true(fabs(r - (1 + 35 * SST_BLEND_LEVEL * 0.494304)) < 2);
-    assert_true(fabs(blue - 35 * SST_BLEND_LEVEL * 0.494304) < 2);
+    assert_true(fabs(w - 0.494304) < 2e-4);
+    assert_true(fabs(r - (1 + 35 * SST_BLEND_LEVEL * 0.494304)) < 0.0002 * 50 * SST_BLEND_LEVEL);
+    assert_true(fabs(blue - 35 * SST_BLEND_LEVEL * 0.494304) < 0.0002 * 50 * SST_BLEND_LEVEL);
     b.disp = &none;
     w = 0;
     sst_blend_rays_ref(acc, &b, 1);
@@ -299,7 +286,6 @@ static void reference_is_the_formula(void **state SST_UNUSED)
 
 static void exponential_is_within_its_bound(void **state SST_UNUSED)
 {
-    static const float power[SST_EXP2_POWERS] = SST_EXP2_POWER;
     double worst = 0;
 
     for (double t = 0; t <= (double)SST_EXP_NEG_MAX; t += 1.0 / 4096) {
@@ -310,12 +296,38 @@ static void exponential_is_within_its_bound(void **state SST_UNUSED)
     print_message("exp_neg: worst relative error %.3g\n", worst);
     assert_true(worst <= 2e-7);
     assert_true(sst_exp_neg(0) == 1.0f);
-    worst = 0;
-    for (double u = 0; u <= (double)SST_EXP2_NEG_MAX; u += 1.0 / 4096)
-        worst = fmax(worst, fabs((double)sst_exp2_neg((float)u, power) / exp2(-u) - 1));
-    print_message("exp2_neg: worst relative error %.3g\n", worst);
-    assert_true(worst <= 3e-6);
-    assert_true(sst_exp2_neg(0, power) == 1.0f);
+}
+
+/* Focus, sigma in stored units, C1: against the formula, and 1 in focus. Unknown: C1. */
+static void weight_of_depth_is_the_formula(void **state SST_UNUSED)
+{
+    static const double cases[][3] = { { 300, 40, 0.005 },  { 300.5, 40, 0 },  { -90, 60, 0.1 },     { 65000, 900, 0.01 },
+                                       { 12.25, 0.9, 0.2 }, { 9000, 6000, 0 }, { 100, 200000, 0.5 }, { 20000, 7, 0.999 } };
+
+    for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
+        const double focus = cases[i][0], sigma = cases[i][1], c1 = cases[i][2];
+        const double bound = c1 > 0 ? 2.2e-3 : 1.4e-2;
+        struct sst_blend_near n;
+
+        sst_blend_near_set(&n, focus, sigma, c1);
+        assert_true(n.bits > 0);
+        for (int disp = 0; disp < 65536; disp++) {
+            const double z = (disp - focus) / sigma, got = (double)(sst_blend_near(&n, (uint16_t)disp) * n.scale);
+            const double want = disp < SST_BLEND_UNKNOWN ? (1 - c1) * exp(-z * z / 2) + c1 : c1;
+
+            if (fabs(disp - focus) <= 31999 && fabs(got - want) > bound * want + 1e-31) /* far below SST_BLEND_FLOOR */
+                fail_msg("case %zu, disparity %d: %.9g, not %.9g", i, disp, got, want);
+        }
+    }
+}
+
+/* A focus that no disparity is near: W_d = C1. */
+static void focus_out_of_reach(void **state SST_UNUSED)
+{
+    struct sst_blend_near n;
+
+    sst_blend_near_set(&n, -5000, 40, 0.25);
+    assert_true(n.bits == 0 && n.scale == 0.25f);
 }
 
 int main(void)
@@ -324,6 +336,7 @@ int main(void)
         cmocka_unit_test(blend_equals_reference),   cmocka_unit_test(finish_equals_reference),
         cmocka_unit_test(support_equals_reference), cmocka_unit_test(support_by_hand),
         cmocka_unit_test(reference_is_the_formula), cmocka_unit_test(exponential_is_within_its_bound),
+        cmocka_unit_test(weight_of_depth_is_the_formula), cmocka_unit_test(focus_out_of_reach),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

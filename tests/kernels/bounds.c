@@ -120,19 +120,14 @@ static void whole_numbers_have_room(void **state SST_UNUSED)
 
 static void exponentials(void **state SST_UNUSED)
 {
-    const float power[SST_EXP2_POWERS] = SST_EXP2_POWER;
     struct bound e = { "sst_exp_neg", "float", "relative", "series to r^7, exp_neg.h", 2e-7, 0, 0, "" };
-    struct bound two = { "sst_exp2_neg", "float", "relative", "polynomial of least maximum error, exp_neg.h",
-                         3e-6,           0,       0,          "" };
 
     for (int i = 0; i <= 200000; i++) {
-        const float t = (float)i * (SST_EXP_NEG_MAX / 200000), u = (float)i * (SST_EXP2_NEG_MAX / 200000);
+        const float t = (float)i * (SST_EXP_NEG_MAX / 200000);
 
         bound_relative(&e, sst_exp_neg(t), expl(-(wide)t), 0, "t = %.9g", (double)t);
-        bound_relative(&two, sst_exp2_neg(u, power), exp2l(-(wide)u), 0, "u = %.9g", (double)u);
     }
     bound_end(&e);
-    bound_end(&two);
 }
 
 static void logarithms(void **state SST_UNUSED)
@@ -452,12 +447,14 @@ static void subpixel_planes(void **state SST_UNUSED)
 static void rays_of_a_view(void **state SST_UNUSED)
 {
     static float table[SST_BLEND_COLUMNS];
-    static struct sst_blend_range range[256];
-    /* d is formed from two parts and squared: 3 roundings of u, of which the exponent makes 3 u |t|, t up to 86. */
-    struct bound b = { "blend_rays",         "float", "relative", "exp2 3e-6, exponent 3 |t| 2^-24",
-                       3e-6 + 3 * 87 * 6e-8, 0,       0,          "" };
+    static struct sst_blend_labels by;
+    /* Exponents are in 2^-10 at least where C1 is 0.001 or more, in 2^-8 where it is 0: two roundings down and those of
+     * slope and focus, which where they are largest make three and five steps. */
+    struct bound some = { "blend_rays, C1 > 0", "16 bits", "relative", "3 steps of an exponent in 2^-10, blend_near.h",
+                          2.2e-3,               0,         0,          "" };
+    struct bound none = { "blend_rays, C1 = 0", "16 bits", "relative", "5 steps of an exponent in 2^-8, blend_near.h",
+                          1.4e-2,               0,         0,          "" };
     struct bound t = { "blend_take", "float", "levels", "1/2 and 1/32", 0.5 + 1.0 / 32, 0, 0, "" };
-    const float power[SST_EXP2_POWERS] = SST_EXP2_POWER;
 
     for (int i = 0; i < rounds(30000); i++) {
         const uint8_t top[2] = { (uint8_t)below(256), (uint8_t)below(256) };
@@ -465,7 +462,7 @@ static void rays_of_a_view(void **state SST_UNUSED)
         const double fx = sst_random(&seed), fy = below(3) ? sst_random(&seed) : 0;
         const double c1 = below(3) ? 0.001 * below(1000) : 0, sigma = exp2(sst_random_in(&seed, -3, 4));
         const double focus_q6 = sst_random_in(&seed, 0, 8000),
-                     far = sst_random_in(&seed, 0, 12.5); /* as plans see to */
+                     far = sst_random_in(&seed, 0, 12.2); /* as plans see to */
         const double at_q6 = focus_q6 + (below(2) ? 64 : -64) * far * sigma;
         const uint16_t disp = (uint16_t)fmin(fmax(at_q6, 0), 65534);
         const uint8_t label = 3;
@@ -478,29 +475,23 @@ static void rays_of_a_view(void **state SST_UNUSED)
         blend.aperture = real(0.1, 1);
         blend.disp = &disp;
         blend.label = &label;
-        blend.range = range;
-        range[3].weight = table;
+        blend.by = &by;
+        by.range[3].weight = table;
         table[disp >> SST_BLEND_COLUMN_SHIFT] = real(0.05, 1);
-        blend.focus_whole_q6 = (float)floor(focus_q6);
-        blend.focus_part_q6 = (float)(focus_q6 - floor(focus_q6));
-        blend.scale = (float)(1 / (2 * sigma * sigma * 64 * 64) * 1.4426950408889634);
-        for (int k = 0; k < SST_EXP2_POWERS; k++)
-            blend.power[k] = power[k] * (float)(1 - c1);
-        blend.c1 = (float)c1;
-        blend.count = 65535;
+        sst_blend_near_set(&blend.near, focus_q6, 64 * sigma, c1);
         sst_blend_rays_ref((float *const[4]){ sum[0], sum[1], sum[2], sum[3] }, &blend, 1);
         w = (wide)blend.aperture * (wide)table[disp >> SST_BLEND_COLUMN_SHIFT] *
-            ref_weight_depth((wide)blend.focus_whole_q6 + (wide)blend.focus_part_q6, disp, (wide)64 * sigma,
-                             (wide)blend.c1);
+            ref_weight_depth((wide)focus_q6, disp, (wide)64 * sigma, (wide)c1);
         c = ref_bilinear(top, bottom, fx, fy);
-        bound_relative(&b, sum[3][0], w, 1e-37, "%.2f sigma from the focus, C1 %.3f",
+        bound_relative(c1 > 0 ? &some : &none, sum[3][0], w, 1e-37, "%.2f sigma from the focus, C1 %.3f",
                        fabs(disp - focus_q6) / 64 / sigma, c1);
         sst_blend_take_ref((uint8_t *const[3]){ &colour[0], &colour[1], &colour[2] }, &taken, &blend, 1);
         if (taken != sum[3][0])
             fail_msg("weight %.9g taken, %.9g summed", (double)taken, (double)sum[3][0]);
         bound_note(&t, (double)fabsl(colour[0] - c), "fx %.6f, fy %.6f", fx, fy);
     }
-    bound_end(&b);
+    bound_end(&some);
+    bound_end(&none);
     bound_end(&t);
 }
 

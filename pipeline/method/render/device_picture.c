@@ -38,13 +38,10 @@ static void describe(struct device_batch *b, struct render_runner *d, const stru
                                        .explained = p->explainer != NULL };
     b->push.blend = (struct sst_gpu_blend){ .width = d->lf->width,
                                             .pitch = d->pitch,
-                                            .focus_whole_q6 = p->blend.focus_whole_q6,
-                                            .focus_part_q6 = p->blend.focus_part_q6,
-                                            .scale = p->blend.scale,
-                                            .c1 = p->blend.c1,
-                                            .first = p->blend.first,
-                                            .count = p->blend.count };
-    memcpy(b->push.blend.power, p->blend.power, sizeof(b->push.blend.power));
+                                            .near = { p->blend.near.first, p->blend.near.last, p->blend.near.times,
+                                                      p->blend.near.focus, p->blend.near.slope, p->blend.near.bits },
+                                            .floor = p->blend.near.floor,
+                                            .scale = p->blend.near.scale };
     b->taps.sampled = p->sampled;
     b->taps.threads = sst_thread_count(p->cfg.threads);
     b->taps.count = p->count;
@@ -143,7 +140,7 @@ static void upload_params(struct device_batch *b)
     struct sst_gpu_blend_params params = { .rarity = { 0 } };
 
     for (int i = 0; i < 256; i++) {
-        const size_t row = p->table ? (size_t)(p->range[i].weight - p->table) / SST_BLEND_COLUMNS : 0;
+        const size_t row = p->table ? (size_t)(p->labels->range[i].weight - p->table) / SST_BLEND_COLUMNS : 0;
 
         params.label[i] = (struct sst_gpu_blend_label){ (uint32_t)row, p->ends[i] };
     }

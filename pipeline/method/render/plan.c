@@ -11,7 +11,6 @@
 #include "base/log.h"
 #include "base/mem.h"
 #include "base/thread.h"
-#include "pipeline/kernels/exp_neg.h"
 #include "pipeline/method/render/render_internal.h"
 
 /* Offline, rarity of colours is counted from every n-th pixel of every n-th row of all views. */
@@ -250,30 +249,13 @@ static void set_label_weights(struct sst_render_plan *p, const struct sst_render
 {
     struct sst_columns within[256];
 
-    sst_render_label_weights(p->table, p->range, within, &r->histogram, &p->cfg);
+    sst_render_label_weights(p->table, p->labels, within, &r->histogram, &p->cfg);
     for (int i = 0; i < 256; i++) {
-        const size_t rows = (size_t)(p->range[i].weight - p->table) / SST_BLEND_COLUMNS + 1;
+        const size_t rows = (size_t)(p->labels->range[i].weight - p->table) / SST_BLEND_COLUMNS + 1;
 
         p->table_rows = i && rows < p->table_rows ? p->table_rows : rows;
     }
     set_ends(p, within);
-}
-
-/* Set where W_d exceeds C1: beyond, its other summand is below 2^-20 C1, or what a float holds. */
-static void set_depth_weights(struct sst_blend *b, const struct sst_render_config *cfg, double focus_q6,
-                              double sigma_q6)
-{
-    static const float power[SST_EXP2_POWERS] = SST_EXP2_POWER;
-    const double most =
-        cfg->c1 > 0 ? fmin(log2((1 - cfg->c1) / cfg->c1) + 20, (double)SST_EXP2_NEG_MAX) : (double)SST_EXP2_NEG_MAX;
-    const double reach_q6 = sigma_q6 * sqrt(2 * M_LN2 * fmax(most, 0));
-    const double first = fmax(ceil(focus_q6 - reach_q6), 0), last = fmin(floor(focus_q6 + reach_q6), SST_DISP_NONE - 1);
-
-    for (int i = 0; i < SST_EXP2_POWERS; i++)
-        b->power[i] = (float)((1 - cfg->c1) * (double)power[i]);
-    b->scale = (float)(M_LOG2E * 0.5 / (sigma_q6 * sigma_q6));
-    b->first = (uint16_t)(first <= last ? first : 0);
-    b->count = (uint16_t)(first <= last ? last - first + 1 : 0);
 }
 
 /* Set the constants of the weights, and the table if labels have weights. */
@@ -287,11 +269,9 @@ static int weigh(struct sst_render_plan *p, struct sst_renderer *r)
     int err;
 
     p->weighted = by_depth || by_label;
-    p->blend.focus_whole_q6 = (float)rint(focus_q6);
-    p->blend.focus_part_q6 = (float)(focus_q6 - rint(focus_q6));
-    p->blend.c1 = by_depth ? (float)cfg->c1 : 1;
+    p->blend.near = (struct sst_blend_near){ .scale = 1 };
     if (by_depth)
-        set_depth_weights(&p->blend, cfg, focus_q6, sigma_q6);
+        sst_blend_near_set(&p->blend.near, focus_q6, sigma_q6, cfg->c1);
     for (int i = 0; i < p->count && p->weighted; i++) {
         if (!p->tap[i].v->disp.data) {
             sst_log_error(
@@ -311,13 +291,13 @@ static int weigh(struct sst_render_plan *p, struct sst_renderer *r)
     if (err)
         return err;
     p->table = sst_mem_alloc_raw((size_t)257 * SST_BLEND_COLUMNS, sizeof(float));
-    p->range = calloc(256, sizeof(*p->range));
-    if (!p->table || !p->range) {
+    p->labels = calloc(1, sizeof(*p->labels));
+    if (!p->table || !p->labels) {
         sst_log_error("not enough memory for the table of label weights");
         return -ENOMEM;
     }
     set_label_weights(p, r);
-    p->blend.range = p->range;
+    p->blend.by = p->labels;
     return 0;
 }
 
@@ -352,15 +332,13 @@ static int open_verifiers(struct sst_render_plan *p, struct sst_renderer *r)
 static void check_border(const struct sst_render_plan *p)
 {
     const struct sst_blend *b = &p->blend;
-    const float depth[] = { b->focus_whole_q6, b->focus_part_q6, b->c1, b->scale };
+    const float depth[] = { b->near.floor, b->near.scale };
 
     sst_border_doubles("focus of a picture", &p->cfg.focus_px, 1);
     for (int i = 0; i < p->count; i++)
         sst_border_doubles("place of a view", (const double[]){ p->tap[i].fx, p->tap[i].fy, p->tap[i].aperture }, 3);
-    if (p->weighted) {
+    if (p->weighted)
         sst_border_floats("depth weights", depth, ARRAY_LEN(depth));
-        sst_border_floats("depth weights", b->power, ARRAY_LEN(b->power));
-    }
     if (p->table)
         sst_border_floats("label weights", p->table, p->table_rows * SST_BLEND_COLUMNS);
 }
@@ -411,18 +389,18 @@ void sst_render_plan_fini(struct sst_render_plan *p)
     free(p->verifier);
     free(p->rarity);
     sst_mem_free(p->table);
-    free(p->range);
+    free(p->labels);
     p->explainer = NULL;
     p->verifier = NULL;
     p->verifiers = 0;
     p->rarity = NULL;
     p->table = NULL;
-    p->range = NULL;
+    p->labels = NULL;
 }
 
 bool sst_render_plan_update(struct sst_render_plan *p, const struct sst_renderer *r, double tolerance, double share)
 {
-    const bool labels = p->table && sst_render_label_weights_differ(p->range, &r->histogram, &p->cfg, tolerance, share);
+    const bool labels = p->table && sst_render_label_weights_differ(p->labels->range, &r->histogram, &p->cfg, tolerance, share);
 
     if (!labels && !(p->rarity && sst_rarity_differs(p->rarity, r->rarity, tolerance)))
         return false;
@@ -435,5 +413,5 @@ bool sst_render_plan_update(struct sst_render_plan *p, const struct sst_renderer
 
 double sst_render_plan_label_weight(const struct sst_render_plan *p, int label, uint16_t disp_q6)
 {
-    return p->table ? (double)p->range[label].weight[disp_q6 >> SST_BLEND_COLUMN_SHIFT] : 1;
+    return p->table ? (double)p->labels->range[label].weight[disp_q6 >> SST_BLEND_COLUMN_SHIFT] : 1;
 }

@@ -67,13 +67,13 @@ struct sst_columns {
  * Label weights for the kernels: W_s by cfg, including the focus label's factor. The last column is for unknown
  * disparity and uses the label's whole range. A label that does not occur has W_s = 1.
  *
- * @param table   out, up to [257][SST_BLEND_COLUMNS]: rows that `range` refers to, one for all labels that do not occur
- * @param range   out, [256]
+ * @param table   out, up to [257][SST_BLEND_COLUMNS]: rows that `labels` refers to, one for all labels that do not occur
+ * @param labels  out
  * @param within  out, [256] columns of known disparity in which the focus is within the range of the object, i.e. W_s
  *                exceeds its floor. They are contiguous, since the ranges of a label's objects ascend and all have the
  *                same margin. All columns where C2 is 1, or the label has no range.
  */
-void sst_render_label_weights(float *table, struct sst_blend_range *range, struct sst_columns *within,
+void sst_render_label_weights(float *table, struct sst_blend_labels *labels, struct sst_columns *within,
                               const struct sst_label_histogram *h, const struct sst_render_config *cfg);
 
 /** True if the weights of more than the fraction `share` of the pixels differ from those of h by more than the fraction
@@ -171,7 +171,7 @@ struct sst_render_plan {
     struct sst_blend blend;                   /* shared by all rows */
     float *table;                             /* owned; rows of label weights; NULL: they are all 1 */
     size_t table_rows;             /* that labels use: labels without a range share rows; 1 without a table */
-    struct sst_blend_range *range; /* [256] owned; by label */
+    struct sst_blend_labels *labels; /* owned; likewise */
     uint32_t ends[256];            /* rays that end at the focus, see sst_blend_support_fn; if weighted */
     /* for verification; only one caller at a time may render from a plan */
     int verifiers;

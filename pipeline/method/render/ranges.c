@@ -366,7 +366,7 @@ static struct sst_blend_range shorten_row(const float *row)
     return r;
 }
 
-void sst_render_label_weights(float *table, struct sst_blend_range *range, struct sst_columns *within,
+void sst_render_label_weights(float *table, struct sst_blend_labels *labels, struct sst_columns *within,
                               const struct sst_label_histogram *h, const struct sst_render_config *cfg)
 {
     int plain[2] = { -1, -1 }; /* a label without a range, by whether its weight is divided */
@@ -375,16 +375,17 @@ void sst_render_label_weights(float *table, struct sst_blend_range *range, struc
         const bool counted = label && h->count[label], divided = cfg->focus_label && label && label != cfg->focus_label;
 
         if (!counted && plain[divided] >= 0) {
-            range[label] = range[plain[divided]];
+            labels->range[label] = labels->range[plain[divided]];
             within[label] = within[plain[divided]];
             continue;
         }
         weight_row(table, &within[label], h, cfg, label);
-        range[label] = shorten_row(table);
+        labels->range[label] = shorten_row(table);
         table += SST_BLEND_COLUMNS;
         if (!counted)
             plain[divided] = label;
     }
+    sst_blend_labels_few(labels);
 }
 
 static bool differs(float a, float b, double tolerance)
