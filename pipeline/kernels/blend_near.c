@@ -9,8 +9,8 @@
 #define LIMIT    125.0   /* exponents: powers are normal floats */
 #define BITS     12      /* of an exponent's fraction at most */
 
-/* Set slope and bits for exponents up to `most`, that of disparities most_q6 from the focus: as many bits as both have
- * room for. */
+/* Set slope and bits for exponents up to `most`, which disparities most_q6 from the focus have: as many bits as both
+ * have room for. */
 static void set_slope(struct sst_blend_near *n, double most_q6, double most)
 {
     for (n->bits = BITS;; n->bits--) {

@@ -483,8 +483,8 @@ struct sst_blend_range {
     float inside[SST_BLEND_RANGES], outside;
 };
 
-#define SST_BLEND_FEW  16   /* labels below it, ... */
-#define SST_BLEND_ONES 8    /* ... different weights of theirs that kernels have at hand */
+#define SST_BLEND_FEW  16   /* labels below it have entries in sst_blend_labels.index */
+#define SST_BLEND_ONES 8    /* different weights in a vector of AVX2 */
 #define SST_BLEND_MANY 0x80 /* no index of one */
 
 /** Weights of all labels. */

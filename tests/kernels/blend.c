@@ -321,7 +321,7 @@ static void weight_of_depth_is_the_formula(void **state SST_UNUSED)
     }
 }
 
-/* A focus that no disparity is near: W_d = C1. */
+/* W_d = C1 where all disparities are far from the focus. */
 static void focus_out_of_reach(void **state SST_UNUSED)
 {
     struct sst_blend_near n;

@@ -448,8 +448,8 @@ static void rays_of_a_view(void **state SST_UNUSED)
 {
     static float table[SST_BLEND_COLUMNS];
     static struct sst_blend_labels by;
-    /* Exponents are in 2^-10 at least where C1 is 0.001 or more, in 2^-8 where it is 0: two roundings down and those of
-     * slope and focus, which where they are largest make three and five steps. */
+    /* Exponents are in 2^-10 at least where C1 is 0.001 or more, in 2^-8 where it is 0: two roundings down, slope and
+     * focus rounded: three and five steps at the largest exponent. */
     struct bound some = { "blend_rays, C1 > 0", "16 bits", "relative", "3 steps of an exponent in 2^-10, blend_near.h",
                           2.2e-3,               0,         0,          "" };
     struct bound none = { "blend_rays, C1 = 0", "16 bits", "relative", "5 steps of an exponent in 2^-8, blend_near.h",

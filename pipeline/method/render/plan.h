@@ -171,7 +171,7 @@ struct sst_render_plan {
     struct sst_blend blend;                   /* shared by all rows */
     float *table;                             /* owned; rows of label weights; NULL: they are all 1 */
     size_t table_rows;             /* that labels use: labels without a range share rows; 1 without a table */
-    struct sst_blend_labels *labels; /* owned; likewise */
+    struct sst_blend_labels *labels; /* owned; NULL without a table */
     uint32_t ends[256];            /* rays that end at the focus, see sst_blend_support_fn; if weighted */
     /* for verification; only one caller at a time may render from a plan */
     int verifiers;
