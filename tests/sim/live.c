@@ -385,7 +385,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         plain_test(a_pedestrian_vanishes),
-        serial_test(a_click_finds_what_is_between_leaves),
+        plain_test(a_click_finds_what_is_between_leaves),
         cmocka_unit_test(a_hen_vanishes_with_labels),
         serial_test(a_camera_goes_and_comes),
         cmocka_unit_test(work_ends_when_it_is_to),

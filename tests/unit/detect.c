@@ -425,10 +425,10 @@ static void threads_find_the_same(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(exact_pictures_give_exact_points),
+        plain_test(exact_pictures_give_exact_points),
         cmocka_unit_test(partial_and_turned_boards_keep_their_numbers),
         plain_test(small_faint_and_saturated_boards_are_right_or_missing),
-        cmocka_unit_test(another_board_is_not_taken_for_ours),
+        plain_test(another_board_is_not_taken_for_ours),
         plain_test(blur_is_measured),
         cmocka_unit_test(nothing_is_found_where_nothing_is),
         plain_test(large_pictures_are_as_exact),

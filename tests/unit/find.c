@@ -164,7 +164,8 @@ static void sharpened(void **state SST_UNUSED)
     fell(&f);
 }
 
-/* Views are registered on the ground that the source names, at z = 0, although the given rotations agree on a nearer and tilted plane. */
+/* Views are registered on the ground that the source names, at z = 0, although the given rotations agree on a nearer
+ * and tilted plane. */
 static void sharpened_on_a_known_ground(void **state SST_UNUSED)
 {
     const struct sst_sharpen_config cfg = { 0 };
@@ -247,7 +248,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(thermal),
-        cmocka_unit_test(sharpened),
+        thread_test(sharpened),
         cmocka_unit_test(sharpened_on_a_known_ground),
         serial_test(colour),
         plain_test(colour_alike_by_any_threads),

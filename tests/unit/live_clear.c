@@ -665,7 +665,7 @@ int main(void)
         serial_test(pictures_in_turn_keep_their_own),
         serial_test(outlines_and_other_methods),
         serial_test(a_click_removes_and_brings_back),
-        serial_test(a_click_goes_through_what_the_cut_removes),
+        plain_test(a_click_goes_through_what_the_cut_removes),
         serial_test(objects_are_bounded),
         serial_test(objects_do_not_creep),
         serial_test(the_cut_stays_when_the_walker_has_left),

@@ -118,9 +118,11 @@ static const struct sst_image *render(struct sst_live *live, struct sst_livepict
 static void assert_offline(const struct sst_image *got, enum sst_posed_method method, double plane_mm, unsigned missing)
 {
     const int middle = sst_posed_middle(&poses);
-    struct sst_posed_render_config cfg = {
-        .method = method, .camera = sst_virtual_of_view(&poses, middle), .threads = 1, .compare_px = 160, .near_mm = NEAR
-    };
+    struct sst_posed_render_config cfg = { .method = method,
+                                           .camera = sst_virtual_of_view(&poses, middle),
+                                           .threads = 1,
+                                           .compare_px = 160,
+                                           .near_mm = NEAR };
     struct sst_posed_rendered want;
     struct sst_posed posed = poses;
     struct sst_posed_view view[VIEWS];
@@ -334,7 +336,7 @@ static void poses_come_from_calibrations(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        serial_test(pictures_are_those_of_render),
+        plain_test(pictures_are_those_of_render),
         cmocka_unit_test(ground_is_found_and_kept),
         serial_test(points_are_limits),
         cmocka_unit_test(refuses_what_has_no_surface),

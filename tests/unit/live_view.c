@@ -698,7 +698,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         serial_test(parts_have_the_bytes_of_the_whole),
         cmocka_unit_test(labelled_parts_do_too),
-        cmocka_unit_test(verified_parts_do_too),
+        serial_test(verified_parts_do_too),
         cmocka_unit_test(absent_views_are_left_out),
         cmocka_unit_test(what_cannot_be_rendered_is_said),
         plain_test(the_focus_is_behind_what_is_in_front),

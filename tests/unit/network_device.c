@@ -71,8 +71,8 @@ static void a_pyramid_equals_the_cpu(void **state SST_UNUSED)
     sst_network_device_close(d);
 }
 
-/* Values that may be negative, into a convolution, a residual and a concatenation: without VNNI their weights are even, of
- * others 7 bits. */
+/* Values that may be negative, into a convolution, a residual and a concatenation: without VNNI their weights are even,
+ * of others 7 bits. */
 static void signed_values_equal_the_cpu(void **state SST_UNUSED)
 {
     const struct conv c1 = { 3, 16, { 3, 3 }, { 1, 1 }, { 1, 1 }, { 1, 1, 1, 1 }, 1 };
@@ -427,12 +427,17 @@ static void wrong_devices_are_refused(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(convolutions_equal_the_cpu), cmocka_unit_test(a_pyramid_equals_the_cpu),
-        cmocka_unit_test(signed_values_equal_the_cpu), cmocka_unit_test(features_equal_the_cpu),
+        cmocka_unit_test(convolutions_equal_the_cpu),
+        cmocka_unit_test(a_pyramid_equals_the_cpu),
+        cmocka_unit_test(signed_values_equal_the_cpu),
+        cmocka_unit_test(features_equal_the_cpu),
         cmocka_unit_test(float_features_are_the_cpus),
-        cmocka_unit_test(variants_are_chosen),        cmocka_unit_test(other_layers_end_on_the_cpu),
-        cmocka_unit_test(memory_is_bounded),          cmocka_unit_test(plans_are_bounded),
-        cmocka_unit_test(plans_are_shared),           serial_test(faults_end_on_the_cpu),
+        serial_test(variants_are_chosen),
+        cmocka_unit_test(other_layers_end_on_the_cpu),
+        cmocka_unit_test(memory_is_bounded),
+        cmocka_unit_test(plans_are_bounded),
+        cmocka_unit_test(plans_are_shared),
+        serial_test(faults_end_on_the_cpu),
         cmocka_unit_test(wrong_devices_are_refused),
     };
 

@@ -371,7 +371,7 @@ int main(void)
         cmocka_unit_test(features_lie_on_spots),
         cmocka_unit_test(forest_is_placed),
         plain_test(forest_is_placed_alike_by_any_threads),
-        serial_test(compass_is_corrected),
+        plain_test(compass_is_corrected),
         serial_test(poses_without_evidence),
         cmocka_unit_test(views_without_poses_have_neighbours),
     };
