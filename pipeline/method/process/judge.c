@@ -16,6 +16,9 @@
 #define BAD_SHARE    0.5  /* more of a view's pairs: it does not fit */
 #define MANY         0.5  /* of the views at fault: the set is, not some views */
 #define FAR_BELOW    0.65 /* of the median of all views' confirmed share */
+#define PLAIN_LEVELS 1.0  /* RMS: a view below, in all colours, has no texture ... */
+#define PLAIN_STEP   3    /* ... at every such pixel of every such row; ... */
+#define PLAIN_SIDE   16   /* ... smaller pictures are not judged */
 
 const char *sst_judge_fault_name(enum sst_judge_fault fault)
 {
@@ -223,6 +226,33 @@ void sst_judge_pictures(struct sst_judgement *out, const struct sst_lightfield *
 
 /* --- maps --------------------------------------------------------------------------------------------------------- */
 
+/* RMS of a plane about its mean, in levels. */
+static double contrast_of(const struct sst_image *img, int plane)
+{
+    const double n =
+        (double)((img->width + PLAIN_STEP - 1) / PLAIN_STEP) * ((img->height + PLAIN_STEP - 1) / PLAIN_STEP);
+    int64_t sum = 0, squares = 0;
+
+    for (int y = 0; y < img->height; y += PLAIN_STEP) {
+        const uint8_t *row = sst_image_row(img, plane, y);
+
+        for (int x = 0; x < img->width; x += PLAIN_STEP) {
+            sum += row[x];
+            squares += row[x] * row[x];
+        }
+    }
+    return sqrt(fmax((double)squares / n - (double)sum / n * ((double)sum / n), 0));
+}
+
+bool sst_judge_is_plain(const struct sst_image *img)
+{
+    bool plain = img->width >= PLAIN_SIDE && img->height >= PLAIN_SIDE;
+
+    for (int plane = 0; plane < 3 && plain; plane++)
+        plain = contrast_of(img, plane) < PLAIN_LEVELS;
+    return plain;
+}
+
 void sst_judge_plain(struct sst_judgement *out, const struct sst_lightfield *lf, const bool *plain)
 {
     const int views = lf->rows * lf->cols;
@@ -243,10 +273,11 @@ void sst_judge_plain(struct sst_judgement *out, const struct sst_lightfield *lf,
     }
     if (!out->plausible)
         return;
-    snprintf(out->sentence, sizeof(out->sentence),
-             "%d of %d views, the first one of row %d, column %d, have no texture: black, covered or over-exposed, they "
-             "agree on any disparity, and none of theirs counts as confirmed; record or import them again",
-             count, present, first / lf->cols, first % lf->cols);
+    snprintf(
+        out->sentence, sizeof(out->sentence),
+        "%d of %d views, the first one of row %d, column %d, have no texture: black, covered or over-exposed, they "
+        "agree on any disparity, and none of theirs counts as confirmed; record or import them again",
+        count, present, first / lf->cols, first % lf->cols);
     out->plausible = false;
 }
 

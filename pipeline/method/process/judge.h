@@ -36,6 +36,9 @@ struct sst_judgement {
 /** Judge pictures before they are corrected and matched. @param check  of the same pictures */
 void sst_judge_pictures(struct sst_judgement *out, const struct sst_lightfield *lf, const struct sst_drift *check);
 
+/** Whether a view has no texture in any colour: it is black, covered or over-exposed. Never of few pixels. */
+bool sst_judge_is_plain(const struct sst_image *img);
+
 /** Views without texture are at fault. @param plain  [views] */
 void sst_judge_plain(struct sst_judgement *out, const struct sst_lightfield *lf, const bool *plain);
 

@@ -20,8 +20,6 @@
 #define JITTER_PX         6.0  /* pairs that are off by less are corrected, not judged */
 #define INFINITY_SLACK_PX 1.0  /* of an estimated range around infinity: errors of positions and noise */
 
-#define PLAIN_LEVELS 1.0 /* RMS: a view below has no texture: it is black, covered or over-exposed */
-
 struct run {
     struct sst_lightfield *lf;
     const struct sst_process_config *cfg;
@@ -488,7 +486,7 @@ static int find_parallax(void *arg, int index SST_UNUSED, int worker SST_UNUSED)
     for (int k = 0; !run->lf->images_raw && k < views_of(run); k++) {
         const struct sst_view *v = &run->lf->views[k];
 
-        report->plain[k] = v->present && v->image.plane[0] && sst_image_contrast(&v->image) < PLAIN_LEVELS;
+        report->plain[k] = v->present && v->image.plane[0] && sst_judge_is_plain(&v->image);
     }
     return 0;
 }
