@@ -423,7 +423,8 @@ check-timing: deps ## tests that measure time, with their limits; one that a bus
 	$(MAKE) WERROR=1 $(PARALLEL) built-plain $(patsubst %,$(BUILD)/tests/%,$(filter-out system/%,$(TIMING_TESTS)))
 	JOBS=5 RETRIES=2 SST_TIMING=1 $(RUN_TESTS) $(foreach t,$(TIMING_TESTS),$(or $(wildcard tests/$(t).sh),$(BUILD)/tests/$(t)))
 
-built: $(PROGRAMS) $(TESTS) $(if $(SAN),,$(TOOLS))
+# Tests under the thread sanitizer run the simulators and publishers alone.
+built: $(if $(findstring thread,$(SAN)),$(filter-out $(BUILD)/sst $(BUILD)/sstd,$(PROGRAMS)),$(PROGRAMS)) $(TESTS) $(if $(SAN),,$(TOOLS))
 built-plain: $(PROGRAMS) $(PLAIN_TESTS) $(patsubst %,$(BUILD)/tests/%,$(filter-out system/%,$(AVX2_TESTS))) $(TOOLS) $(BUILD)/api_tables
 built-check: built-plain built-address check-includes check-names
 built-address: $(BUILD)/one_thread.so
