@@ -417,7 +417,7 @@ check: deps ## build with warnings as errors, once plain and once sanitized, and
 
 check-thread: deps ## unit and simulator tests that have threads, under the thread sanitizer
 	$(MAKE) WERROR=1 $(PARALLEL) SAN=thread built
-	$(MAKE) WERROR=1 SAN=thread check-unit
+	JOBS=$${JOBS:-$$(($$(nproc) + 5))} $(MAKE) WERROR=1 SAN=thread check-unit # which wait for each other
 
 check-timing: deps ## tests that measure time, with their limits; one that a busy machine fails runs again, twice at most
 	$(MAKE) WERROR=1 $(PARALLEL) built-plain $(patsubst %,$(BUILD)/tests/%,$(filter-out system/%,$(TIMING_TESTS)))
