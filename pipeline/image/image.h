@@ -69,6 +69,9 @@ double sst_image_noise(const struct sst_image *img);
  */
 double sst_image_contrast(const struct sst_image *img);
 
+/** The same of one channel, 0 to 2, of every step-th pixel of every step-th row. */
+double sst_image_channel_contrast(const struct sst_image *img, int channel, int step);
+
 /**
  * Width of a picture's sharpest edges, as the sigma of a Gaussian that blurs ideal ones: the best tenth of the steepest
  * tenth of green's gradients, of at most 64 tiles of 32x32 pixels. Drawn scenes and good pictures have 0.25 to 0.35 px,

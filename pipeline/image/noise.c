@@ -55,12 +55,17 @@ double sst_image_noise(const struct sst_image *img)
 
 double sst_image_contrast(const struct sst_image *img)
 {
+    return sst_image_channel_contrast(img, 1, CONTRAST_STEP);
+}
+
+double sst_image_channel_contrast(const struct sst_image *img, int channel, int step)
+{
     int64_t sum = 0, squares = 0, n = 0;
 
-    for (int y = 0; y < img->height; y += CONTRAST_STEP) {
-        const uint8_t *row = sst_image_row(img, 1, y);
+    for (int y = 0; y < img->height; y += step) {
+        const uint8_t *row = sst_image_row(img, channel, y);
 
-        for (int x = 0; x < img->width; x += CONTRAST_STEP, n++) {
+        for (int x = 0; x < img->width; x += step, n++) {
             sum += row[x];
             squares += row[x] * row[x];
         }

@@ -150,7 +150,7 @@ static void who_walks_and_stands_is_found_and_leaves_are_not(void **state)
     close_watch(&w);
 }
 
-/* Leaves that begin to move after a calm are nobody. */
+/* Wind after a calm moves leaves, which are no visit. */
 static void wind_after_a_calm_is_nobody(void **state SST_UNUSED)
 {
     static const uint8_t none[WIDTH * HEIGHT], all[WIDTH * HEIGHT] = { [0 ... WIDTH * HEIGHT - 1] = 1 };

@@ -226,30 +226,12 @@ void sst_judge_pictures(struct sst_judgement *out, const struct sst_lightfield *
 
 /* --- maps --------------------------------------------------------------------------------------------------------- */
 
-/* RMS of a plane about its mean, in levels. */
-static double contrast_of(const struct sst_image *img, int plane)
-{
-    const double n =
-        (double)((img->width + PLAIN_STEP - 1) / PLAIN_STEP) * ((img->height + PLAIN_STEP - 1) / PLAIN_STEP);
-    int64_t sum = 0, squares = 0;
-
-    for (int y = 0; y < img->height; y += PLAIN_STEP) {
-        const uint8_t *row = sst_image_row(img, plane, y);
-
-        for (int x = 0; x < img->width; x += PLAIN_STEP) {
-            sum += row[x];
-            squares += row[x] * row[x];
-        }
-    }
-    return sqrt(fmax((double)squares / n - (double)sum / n * ((double)sum / n), 0));
-}
-
 bool sst_judge_is_plain(const struct sst_image *img)
 {
     bool plain = img->width >= PLAIN_SIDE && img->height >= PLAIN_SIDE;
 
     for (int plane = 0; plane < 3 && plain; plane++)
-        plain = contrast_of(img, plane) < PLAIN_LEVELS;
+        plain = sst_image_channel_contrast(img, plane, PLAIN_STEP) < PLAIN_LEVELS;
     return plain;
 }
 
