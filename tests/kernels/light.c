@@ -110,7 +110,10 @@ static void levels_equal_the_reference(void **state SST_UNUSED)
             const struct sst_light l = { value, falloff, root, 1.07f, (float)pow(1.07, 1 / 2.4) };
 
             for (size_t i = 0; i < n; i++) {
-                value[i] = (uint16_t)(sst_random_u64(&seed) % SAMPLES);
+                const bool bright = i / 64 % 2 || i % 64 < 33; /* whole blocks of bright samples, and some dark ones */
+
+                value[i] = (uint16_t)(bright ? SAMPLES - 1 - sst_random_u64(&seed) % (SAMPLES / 2)
+                                             : sst_random_u64(&seed) % SAMPLES);
                 falloff[i] = (float)sst_random_in(&seed, 0.2, 4.2);
                 root[i] = (float)pow(falloff[i], 1 / 2.4);
             }

@@ -29,10 +29,20 @@ static const uint8_t *guarded_picture(void)
     return data;
 }
 
-/* Sums of 2^14, magnitudes of up to 2^15. */
-static void random_weights(int16_t *w, int taps)
+static void bilinear_weights(int16_t *w)
 {
     for (int p = 0; p < SST_RESAMPLE_PHASES; p++) {
+        w[2 * p] = (int16_t)(64 * (256 - p));
+        w[2 * p + 1] = (int16_t)(64 * p);
+    }
+}
+
+/* Sums of 2^14, magnitudes of up to 2^15; those of two taps are given. */
+static void random_weights(int16_t *w, int taps)
+{
+    if (taps == 2)
+        bilinear_weights(w);
+    for (int p = 0; taps > 2 && p < SST_RESAMPLE_PHASES; p++) {
         const int middle = taps / 2 - 1;
         int left = 16384;
 
@@ -180,10 +190,7 @@ static void by_hand(void **state SST_UNUSED)
     const int32_t xy[] = { 192, 128, 256, 256, INT32_MIN, INT32_MIN };
     uint16_t red[3], green[3], blue[3];
 
-    for (int p = 0; p < SST_RESAMPLE_PHASES; p++) {
-        weight[2 * p] = (int16_t)(64 * (256 - p));
-        weight[2 * p + 1] = (int16_t)(64 * p);
-    }
+    bilinear_weights(weight);
     for (int c = 0; c < 3; c++) {
         pixel[c] = 10;
         pixel[4 + c] = 50;

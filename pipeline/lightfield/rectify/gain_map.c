@@ -136,25 +136,30 @@ void gain_map_destroy(struct gain_map *map)
     free(map);
 }
 
-/* One row of nodes at y, then straight lines between them: cell by cell, so that the loop inside is vectorised. */
+/* Straight lines between the nodes of one grid at y, from x0 on: cell by cell, whole ones eight values at a time. */
 static void interpolate(const struct gain_map *m, const float *grid, const struct sst_rectified_row *to, float *out)
 {
     const double x0 = to->x0, at = sst_clamp_double(to->y / m->step, 0, m->rows - 1);
-    const int n = to->n;
+    const int n = to->n, before = (int)floor(x0);
     const int row = sst_min_int((int)at, m->rows - 2), first = sst_clamp_int((int)(x0 / m->step), 0, m->cols - 2);
-    const float down = (float)(at - row), width = (float)m->step;
+    const float down = (float)(at - row), per_px = 1.0f / (float)m->step;
+    const float *node = grid + row * m->cols + first;
+    float right = node[0] + down * (node[m->cols] - node[0]);
     int i = 0;
 
-    for (int col = first; i < n; col++) {
-        const float *node = grid + row * m->cols + col;
-        const float left = node[0] + down * (node[m->cols] - node[0]);
-        const float right = node[1] + down * (node[m->cols + 1] - node[1]), slope = (right - left) / width;
-        const float into = (float)(x0 - (double)col * m->step);
-        const int end = col >= m->cols - 2 ? n : sst_min_int(n, (int)ceil((col + 1) * (double)m->step - x0));
+    for (int col = first; i < n; col++, node++) {
+        const int end = col >= m->cols - 2 ? n : sst_min_int(n, (col + 1) * m->step - before);
+        const float left = right;
+        float into = (float)(x0 + i - (double)col * m->step), slope;
 
-        for (int k = i; k < end; k++)
-            out[k] = left + slope * (into + (float)k);
-        i = sst_max_int(i, end);
+        right = node[1] + down * (node[m->cols + 1] - node[1]);
+        slope = (right - left) * per_px;
+        for (; i + 8 <= end; i += 8, into += 8) {
+            for (int k = 0; k < 8; k++)
+                out[i + k] = left + slope * (into + (float)k);
+        }
+        for (int k = 0; i < end; i++, k++)
+            out[i] = left + slope * (into + (float)k);
     }
 }
 

@@ -14,6 +14,7 @@
 #include "pipeline/lightfield/rectify/rectify_internal.h"
 
 #include <errno.h>
+#include <limits.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -102,16 +103,38 @@ static const double *node_at(const struct sst_rectify_map *map, int i, int j)
     return map->node[(size_t)(j + 1) * (size_t)(map->cells_x + 3) + (size_t)(i + 1)];
 }
 
-/* Nodes i .. i + 3 of the line at t between node rows j and j + 1. */
-static void nodes_on_line(const struct sst_rectify_map *map, int i, int j, const double w[4], double p[4][2])
+/* Nodes i .. i + 3 of the line between node rows j and j + 1 at which the weights are w. */
+struct line {
+    double w[4], p[4][2];
+    int j, i; /* i: INT_MIN before the first line_move() */
+};
+
+static void line_init(struct line *line, int j, double t)
 {
-    for (int l = 0; l < 4; l++) {
-        for (int axis = 0; axis < 2; axis++) {
-            p[l][axis] = 0;
-            for (int m = 0; m < 4; m++)
-                p[l][axis] += w[m] * node_at(map, i + l, j - 1 + m)[axis];
-        }
+    line->j = j;
+    line->i = INT_MIN;
+    node_weights(t, line->w);
+}
+
+static void line_node(const struct sst_rectify_map *map, const struct line *line, int i, double p[2])
+{
+    for (int axis = 0; axis < 2; axis++) {
+        p[axis] = 0;
+        for (int m = 0; m < 4; m++)
+            p[axis] += line->w[m] * node_at(map, i, line->j - 1 + m)[axis];
     }
+}
+
+/* One node is new where i is the next one. */
+static void line_move(const struct sst_rectify_map *map, struct line *line, int i)
+{
+    const bool next = line->i != INT_MIN && i == line->i + 1;
+
+    if (next)
+        memmove(line->p[0], line->p[1], 3 * sizeof(line->p[0]));
+    for (int l = next ? 3 : 0; l < 4; l++)
+        line_node(map, line, i + l, line->p[l]);
+    line->i = i;
 }
 
 /* --- building ----------------------------------------------------------------------------------------------------- */
@@ -124,17 +147,18 @@ static double cell_error(const struct sst_rectify_map *map, int i, int j)
     double worst = 0;
 
     for (int k = 0; k < 3; k++) {
-        double wx[4], wy[4], p[4][2], u, v, du, dv;
+        double wx[4], u, v, du, dv;
+        struct line line;
 
         node_weights(at[k][0], wx);
-        node_weights(at[k][1], wy);
-        nodes_on_line(map, i - 1, j, wy, p);
+        line_init(&line, j, at[k][1]);
+        line_move(map, &line, i - 1);
         if (!chain_place(&map->chain, (i + at[k][0]) * side, (j + at[k][1]) * side, &u, &v))
             return INFINITY;
         if (!in_picture(&map->chain, u, v, side))
             continue;
-        du = wx[0] * p[0][0] + wx[1] * p[1][0] + wx[2] * p[2][0] + wx[3] * p[3][0] - u;
-        dv = wx[0] * p[0][1] + wx[1] * p[1][1] + wx[2] * p[2][1] + wx[3] * p[3][1] - v;
+        du = wx[0] * line.p[0][0] + wx[1] * line.p[1][0] + wx[2] * line.p[2][0] + wx[3] * line.p[3][0] - u;
+        dv = wx[0] * line.p[0][1] + wx[1] * line.p[1][1] + wx[2] * line.p[2][1] + wx[3] * line.p[3][1] - v;
         worst = fmax(worst, hypot(du, dv));
     }
     return worst;
@@ -266,25 +290,26 @@ void sst_rectify_map_destroy(struct sst_rectify_map *map)
 
 /* --- rows --------------------------------------------------------------------------------------------------------- */
 
-/* One axis of a smooth cell; k counts pixels from the cell's left edge. */
-static void set_cubic(struct sst_places *places, const double p[4][2], int axis, double side)
+/* One axis of a smooth cell; k counts pixels from the cell's left edge. @param per_px  1 over a cell's side */
+static void set_cubic(struct sst_places *places, const struct line *line, int axis, double per_px)
 {
-    const double a = p[0][axis], b = p[1][axis], c = p[2][axis], d = p[3][axis], whole = floor(b);
+    const double a = line->p[0][axis], b = line->p[1][axis], c = line->p[2][axis], d = line->p[3][axis],
+                 whole = floor(b);
     float *to = places->c[axis];
 
     places->whole_q8[axis] = (int32_t)whole * 256;
     to[0] = (float)((b - whole) * 256);
-    to[1] = (float)((-a / 3 - b / 2 + c - d / 6) * 256 / side);
-    to[2] = (float)((a / 2 - b + c / 2) * 256 / (side * side));
-    to[3] = (float)((-a / 6 + b / 2 - c / 2 + d / 6) * 256 / (side * side * side));
+    to[1] = (float)((c - b / 2 - (2 * a + d) * (1.0 / 6)) * 256 * per_px);
+    to[2] = (float)(((a + c) / 2 - b) * 256 * (per_px * per_px));
+    to[3] = (float)(((b - c) / 2 + (d - a) * (1.0 / 6)) * 256 * (per_px * per_px * per_px));
 }
 
-static void smooth_run(const struct sst_rectify_map *map, const double p[4][2], float k0, int n, int32_t *xy_q8)
+static void smooth_run(const struct sst_rectify_map *map, const struct line *line, float k0, int n, int32_t *xy_q8)
 {
     struct sst_places places = { .most = { 256 * (map->chain.raw_width - 1), 256 * (map->chain.raw_height - 1) } };
 
     for (int axis = 0; axis < 2; axis++)
-        set_cubic(&places, p, axis, 1 << map->shift);
+        set_cubic(&places, line, axis, 1.0 / (1 << map->shift));
     sst_kernels_get()->place_row(xy_q8, &places, k0, (size_t)n);
 }
 
@@ -305,19 +330,18 @@ void sst_rectify_map_row(const struct sst_rectify_map *map, double x0, double y,
 {
     const double side = 1 << map->shift;
     const int j = sst_clamp_int((int)floor(y / side), 0, map->cells_y - 1);
-    double w[4];
+    struct line line;
 
-    node_weights(y / side - j, w);
+    line_init(&line, j, y / side - j);
     for (int done = 0; done < n;) {
         const int i = sst_clamp_int((int)floor((x0 + done) / side), 0, map->cells_x - 1);
         const int to_edge = (int)ceil((i + 1) * side - x0), end = i + 1 < map->cells_x ? sst_min_int(n, to_edge) : n;
         int32_t *out = xy_q8 + 2 * (size_t)done;
-        double p[4][2];
 
         switch (map->cell[(size_t)j * (size_t)map->cells_x + (size_t)i]) {
         case CELL_SMOOTH:
-            nodes_on_line(map, i - 1, j, w, p);
-            smooth_run(map, (const double(*)[2])p, (float)(x0 + done - i * side), end - done, out);
+            line_move(map, &line, i - 1);
+            smooth_run(map, &line, (float)(x0 + done - i * side), end - done, out);
             break;
         case CELL_EXACT:
             exact_run(map, x0 + done, y, end - done, out);
@@ -377,18 +401,17 @@ int sst_rectify_map_cells(const struct sst_rectify_map *map, double x0, double y
 {
     const int side = 1 << map->shift, j = sst_clamp_int((int)floor(y / side), 0, map->cells_y - 1);
     const uint8_t *kind = map->cell + (size_t)j * (size_t)map->cells_x;
-    double w[4];
+    struct line line;
     int err = 0;
 
-    node_weights(y / side - j, w);
+    line_init(&line, j, y / side - (double)j);
     for (int i = 0; i < map->cells_x && !err; i++) {
         struct sst_places places = { .most = { 256 * (map->chain.raw_width - 1), 256 * (map->chain.raw_height - 1) } };
-        double p[4][2];
 
         if (kind[i] == CELL_SMOOTH) {
-            nodes_on_line(map, i - 1, j, w, p);
+            line_move(map, &line, i - 1);
             for (int axis = 0; axis < 2; axis++)
-                set_cubic(&places, (const double(*)[2])p, axis, side);
+                set_cubic(&places, &line, axis, 1.0 / side);
         } else if (kind[i] == CELL_EXACT) {
             places.most[0] = SST_PLACES_LISTED;
             places.whole_q8[0] = (int32_t)list->count;
