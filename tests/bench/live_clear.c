@@ -23,6 +23,7 @@
 #include "pipeline/eval/eval.h"
 #include "pipeline/image/codec.h"
 #include "pipeline/live/live.h"
+#include "simulators/scene/hedge.h"
 #include "simulators/scene/scene.h"
 #include "simulators/scene/world/sim_world.h"
 
@@ -122,12 +123,34 @@ static int feed(int set)
     return sst_live_update(b.live, &b.in, &b.report);
 }
 
+/* The scene hedge without its leaves. */
+static int make_bare(struct sst_image *truth, int set)
+{
+    struct sst_hedge_config cfg = { .rows = SIDE, .cols = SIDE, .width = WIDTH, .height = HEIGHT, .seed = 1 };
+    const double t_s = fmod((double)set / RATE_HZ, 60);
+    struct sst_hedge_person person;
+    struct sst_hedge *hedge;
+    int err;
+
+    sst_hedge_scene_config(&cfg);
+    cfg.cover = 0;
+    err = sst_hedge_create(&hedge, &cfg);
+    if (err)
+        return err;
+    person = sst_hedge_passer_by(&cfg, t_s);
+    sst_hedge_draw_view(hedge, t_s, t_s < SST_HEDGE_PASS_S ? &person : NULL, VIEWS / 2 - SIDE / 2 - 1, truth);
+    sst_hedge_destroy(hedge);
+    return 0;
+}
+
 static int make_truth(struct sst_image *truth, int set)
 {
     struct sst_scene_config cfg;
     struct sst_scene *scene;
     int err;
 
+    if (!strcmp(b.scene, "hedge"))
+        return make_bare(truth, set);
     sst_scene_config_defaults(&cfg);
     cfg.width = WIDTH;
     cfg.height = HEIGHT;

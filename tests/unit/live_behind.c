@@ -66,7 +66,7 @@ static void run(struct bench *b, int sets, int tiles)
         b->t_ns += STEP_NS;
         take(&b->s, b->t_ns);
         live->focus.focus_px = live->min_px = 5;
-        assert_true(picture_behind_render(&b->behind, live, &b->weight, 6));
+        assert_true(picture_behind_render(&b->behind, live, &live->lf.views[live->lf.ref_view].image, &b->weight, 6));
         assert_int_equal(b->behind.planned, 1);
         for (int i = 0; i < CELLS; i++)
             b->rendered[i] += !b->behind.cell[i].stale;
@@ -370,7 +370,7 @@ static void late_maps_keep_what_they_have_seen(void **state SST_UNUSED)
         memset(sst_map_u8_row(&b.weight, y), 0, WIDTH);
     b.t_ns += STEP_NS;
     take(&b.s, b.t_ns);
-    assert_true(picture_behind_render(&b.behind, b.s.live, &b.weight, 6));
+    assert_true(picture_behind_render(&b.behind, b.s.live, &b.s.live->lf.views[0].image, &b.weight, 6));
     for (int i = 0; i < CELLS; i++)
         assert_int_equal(b.behind.cell[i].holes > 0, i % COLS >= COLS / 2);
     init_merging(&m, &b.memory);
@@ -400,6 +400,129 @@ static void late_maps_keep_what_they_have_seen(void **state SST_UNUSED)
         assert_int_equal(sst_map_u8_row(&m.kind, i / WIDTH)[i % WIDTH], left ? PICTURE_REMEMBERED : PICTURE_SEEN);
     }
     fini_merging(&m);
+    close_bench(&b);
+}
+
+/* A memory of one surface, seen 1 ms after its start, and a picture 200 ms after it. */
+static void merge_at_200_ms(struct picture_memory *memory, struct merging *m)
+{
+    const struct sst_lightfield lf = { .width = WIDTH, .height = HEIGHT };
+    const struct picture_merge in = { .lf = &lf,
+                                      .t_ns = 200000000,
+                                      .threads = 1,
+                                      .image = &m->image,
+                                      .weight = &m->weight,
+                                      .surface = &m->surface,
+                                      .support = &m->support,
+                                      .kind = &m->kind,
+                                      .cut_q6 = 60 * 64,
+                                      .tile = SST_LIVE_TILE,
+                                      .tile_cols = 1 };
+
+    memory->started = true;
+    assert_int_equal(picture_memory_merge(memory, &in), 0);
+}
+
+/* Pixels x0 .. x1 - 1, y0 .. y1 - 1 of a picture. */
+static void paint(struct merging *m, const int box[4], uint8_t level, uint16_t disp, int rays)
+{
+    for (int y = box[1]; y < box[3]; y++) {
+        for (int x = box[0]; x < box[2]; x++) {
+            for (int c = 0; c < 3; c++)
+                sst_image_row(&m->image, c, y)[x] = level;
+            sst_map_u8_row(&m->weight, y)[x] = rays ? 255 : 0;
+            sst_map_u8_row(&m->support, y)[x] = (uint8_t)(rays * SST_RENDER_SUPPORT);
+            sst_map_u16_row(&m->surface, y)[x] = disp;
+        }
+    }
+}
+
+static const int everywhere[4] = { 0, 0, WIDTH, HEIGHT };
+
+/* A person behind leaves is seen by few rays, as is a leaf that agrees by chance; but all around has changed, too. */
+static void few_rays_decide_together(void **state SST_UNUSED)
+{
+    struct picture_memory memory;
+    struct merging m = { 0 };
+
+    assert_int_equal(picture_memory_init(&memory, WIDTH, HEIGHT), 0);
+    init_merging(&m, &memory);
+    for (int i = 0; i < WIDTH * HEIGHT; i++)
+        memory.pixel[i].support = 64;
+    paint(&m, everywhere, 9, 64, 2);
+    paint(&m, (int[]){ 20, 20, 24, 24 }, 200, 64, 2);
+    paint(&m, (int[]){ 60, 16, 84, 48 }, 200, 64, 2);
+    merge_at_200_ms(&memory, &m);
+    assert_int_equal(sst_image_row(&m.image, 1, 22)[22], 9);
+    assert_int_equal(memory.pixel[22 * WIDTH + 22].support, 64 - 2 * SST_RENDER_SUPPORT);
+    assert_int_equal(sst_image_row(&m.image, 1, 32)[72], 200);
+    assert_int_equal(memory.pixel[32 * WIDTH + 72].rgb[1], 200);
+    for (int i = 0; i < WIDTH * HEIGHT; i++)
+        assert_int_equal(sst_map_u8_row(&m.kind, i / WIDTH)[i % WIDTH], PICTURE_SEEN);
+    fini_merging(&m);
+    picture_memory_fini(&memory);
+}
+
+/* What the pixels of a hole remember goes where another surface has come around it since, and stays beside an old one.
+ */
+static void holes_follow_what_has_come(void **state SST_UNUSED)
+{
+    static const struct {
+        uint16_t disp;        /* around the hole now, ... */
+        uint32_t since_ms;    /* ... since when */
+        enum picture_kind is; /* the hole */
+    } cases[] = { { 640, 200, PICTURE_FILLED }, { 64, 200, PICTURE_REMEMBERED }, { 640, 1, PICTURE_REMEMBERED } };
+
+    for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
+        struct picture_memory memory;
+        struct merging m = { 0 };
+
+        assert_int_equal(picture_memory_init(&memory, WIDTH, HEIGHT), 0);
+        init_merging(&m, &memory);
+        for (int k = 0; k < WIDTH * HEIGHT && cases[i].since_ms == 1; k++)
+            memory.pixel[k] =
+                (struct picture_pixel){ .rgb = { 100, 100, 100 }, .disp = 640, .seen_ms = 1, .since_ms = 1 };
+        memory.pixel[32 * WIDTH + 62] =
+            (struct picture_pixel){ .rgb = { 9, 9, 9 }, .support = 32, .disp = 64, .seen_ms = 100, .since_ms = 1 };
+        paint(&m, everywhere, 100, cases[i].disp, 6);
+        paint(&m, (int[]){ 62, 32, 63, 33 }, 0, SST_DISP_NONE, 0);
+        merge_at_200_ms(&memory, &m);
+        assert_int_equal(sst_map_u8_row(&m.kind, 32)[62], cases[i].is);
+        fini_merging(&m);
+        picture_memory_fini(&memory);
+    }
+}
+
+/* Rays that agree on a colour of the leaves must be more than those that agree on one of the scene behind. */
+static void colours_of_leaves_need_more_rays(void **state SST_UNUSED)
+{
+    int count[2] = { 0 }, strict[2] = { 0 };
+    const struct sst_lightfield *lf;
+    const struct sst_view *v;
+    double cut_px;
+    struct bench b;
+
+    open_bench(&b);
+    lf = &b.s.live->lf;
+    v = &lf->views[lf->ref_view];
+    cut_px = (b.s.live->min_px + b.s.live->max_px) / 2;
+    b.s.live->focus.focus_px = b.s.live->min_px;
+    for (int i = 0; i < WIDTH * HEIGHT; i++)
+        sst_map_u8_row(&b.weight, i / WIDTH)[i % WIDTH] =
+            sst_disp_px(lf, sst_map_u16_row(&v->disp, i / WIDTH)[i % WIDTH]) > cut_px ? 0 : 255;
+    assert_true(picture_behind_render(&b.behind, b.s.live, &v->image, &b.weight, cut_px));
+    for (int i = 0; i < WIDTH * HEIGHT; i++) {
+        const bool front = !sst_map_u8_row(&b.weight, i / WIDTH)[i % WIDTH];
+
+        count[front]++;
+        strict[front] += b.behind.least[picture_behind_colour(sst_image_row(&v->image, 0, i / WIDTH)[i % WIDTH],
+                                                              sst_image_row(&v->image, 1, i / WIDTH)[i % WIDTH],
+                                                              sst_image_row(&v->image, 2, i / WIDTH)[i % WIDTH])] > 48;
+    }
+    print_message("of %d, %d pixels in front and behind %d, %d have a strict colour\n", count[1], count[0], strict[1],
+                  strict[0]);
+    assert_true(count[0] > 100 && count[1] > 100);
+    assert_true(strict[1] > 0.8 * count[1] && strict[0] < 0.2 * count[0]);
     close_bench(&b);
 }
 
@@ -447,6 +570,9 @@ int main(void)
         cmocka_unit_test(what_is_rendered_seldom_is_remembered_longer),
         thread_test(late_maps_are_the_same_for_all_threads),
         serial_test(late_maps_keep_what_they_have_seen),
+        cmocka_unit_test(few_rays_decide_together),
+        cmocka_unit_test(holes_follow_what_has_come),
+        cmocka_unit_test(colours_of_leaves_need_more_rays),
         serial_test(see_through_waits_for_maps),
     };
 

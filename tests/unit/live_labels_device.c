@@ -121,7 +121,7 @@ static void labels_are_the_cpus(void **state SST_UNUSED)
 
 static bool opens_if_lost_at(long dispatch)
 {
-    char name[40];
+    char name[64];
     struct sst_runner_user *d;
 
     snprintf(name, sizeof(name), "dummy:known=1,lost=%ld", dispatch);
@@ -159,7 +159,7 @@ static void count_dispatches(long *opening, long *run)
 /* Lost again and again: every set has its labels, those of the CPU. */
 static void a_device_that_fails_costs_no_labels(void **state SST_UNUSED)
 {
-    char name[40];
+    char name[64];
     long opening, run;
     struct seen seen;
 

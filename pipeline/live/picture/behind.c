@@ -24,11 +24,15 @@
 #define CALM_TIMES   3
 #define CHANGED      0.25 /* ... until this fraction of the pixels seen in it, or beside it, has changed */
 #define CHANGED_PX   8    /* and at least this number of pixels */
-#define RUN          5 /* cells beside each other have their turn together: votes are counted in runs of cells */
-#define CELL_LEVEL   1 /* of votes: their cells are as high as the cells here */
-#define EXPLORE      3 /* one cell in this many times as many is tried on another plane; at the start ... */
-#define START_TRIED  4 /* ... one in this many in every set, until each was tried on all; until then ... */
-#define START_TURNS  2 /* ... stale cells are rendered within this number of sets, so that no set takes long */
+#define RUN          5    /* cells beside each other have their turn together: votes are counted in runs of cells */
+#define CELL_LEVEL   1    /* of votes: their cells are as high as the cells here */
+#define EXPLORE      3    /* one cell in this many times as many is tried on another plane; at the start ... */
+#define START_TRIED  4    /* ... one in this many in every set, until each was tried on all; until then ... */
+#define AGREED       48   /* of 255, from which rays that agree on a colour show it, ... */
+#define AGREED_FRONT 58 /* ... a colour more frequent in what is removed than in what is seen: leaves agree by chance  \
+                         */
+#define COUNTED_STEP 4  /* every so many pixels of so many rows */
+#define START_TURNS  2  /* ... stale cells are rendered within this number of sets, so that no set takes long */
 #define START_ROUNDS (START_TRIED * PICTURE_PLANES)
 
 void picture_behind_fini(struct picture_behind *b)
@@ -165,6 +169,40 @@ static bool count_holes(struct picture_behind *b, const struct sst_map_u8 *weigh
     return any;
 }
 
+/* The agreement from which a colour is seen, by its share in the pixels of a view that are removed, and in those of the
+ * picture that are seen: where all rays end in leaves, some of them agree. */
+static void count_colours(struct picture_behind *b, const struct sst_live *live, const struct sst_image *image,
+                          const struct sst_map_u8 *weight, double cut_px)
+{
+    const struct sst_view *v = &live->lf.views[live->lf.ref_view];
+    const double cut_q6 = (cut_px - live->lf.disp_min_px) * SST_DISP_SCALE;
+    uint32_t front[PICTURE_BEHIND_COLOURS] = { 0 }, behind[PICTURE_BEHIND_COLOURS] = { 0 }, fronts = 0, behinds = 0;
+
+    memset(b->least, AGREED, sizeof(b->least));
+    if (!v->disp.data)
+        return;
+    for (int y = 0; y < image->height; y += COUNTED_STEP) {
+        const uint16_t *disp = sst_map_u16_row(&v->disp, y);
+
+        for (int x = 0; x < image->width; x += COUNTED_STEP) {
+            if (disp[x] != SST_DISP_NONE && disp[x] > cut_q6) {
+                front[picture_behind_colour(sst_image_row(&v->image, 0, y)[x], sst_image_row(&v->image, 1, y)[x],
+                                            sst_image_row(&v->image, 2, y)[x])]++;
+                fronts++;
+            }
+            if (sst_map_u8_row(weight, y)[x] >= PICTURE_SEEN_WEIGHT) {
+                behind[picture_behind_colour(sst_image_row(image, 0, y)[x], sst_image_row(image, 1, y)[x],
+                                             sst_image_row(image, 2, y)[x])]++;
+                behinds++;
+            }
+        }
+    }
+    for (int i = 0; i < PICTURE_BEHIND_COLOURS; i++) {
+        if ((uint64_t)front[i] * (behinds + 1) > (uint64_t)behind[i] * (fronts + 1))
+            b->least[i] = AGREED_FRONT;
+    }
+}
+
 /* Find cells with holes, in late sets by the last maps. @return any */
 static bool find_holes(struct picture_behind *b, const struct sst_live *live, const struct sst_map_u8 *weight)
 {
@@ -252,7 +290,7 @@ static bool has_turn(const struct picture_behind *b, const struct sst_live *live
 {
     const int turns = !b->round ? 1 : is_starting(b) ? START_TURNS : turns_of(b, at);
 
-    return !live->cfg.skip_change || b->cell[at].stale >= turns || (run_of(b, at) + b->round) % turns == 0;
+    return !live->cfg.skip_change || b->cell[at].urgent || b->cell[at].stale >= turns || (run_of(b, at) + b->round) % turns == 0;
 }
 
 static void mark_stale(struct picture_behind *b, const struct sst_live *live)
@@ -272,14 +310,16 @@ static void mark_stale(struct picture_behind *b, const struct sst_live *live)
     b->swaying = 2 * stale > holes;
 }
 
-bool picture_behind_render(struct picture_behind *b, const struct sst_live *live, const struct sst_map_u8 *weight,
-                           double cut_px)
+bool picture_behind_render(struct picture_behind *b, const struct sst_live *live, const struct sst_image *image,
+                           const struct sst_map_u8 *weight, double cut_px)
 {
     int err = 0;
 
     if (!live->low_confidence || isnan(live->focus.focus_px) || reserve(b, &live->lf) || !find_holes(b, live, weight) ||
         update_plans(b, live, cut_px))
         return false;
+    if (!b->late)
+        count_colours(b, live, image, weight, cut_px);
     mark_stale(b, live);
     b->turns = count_turns(b, live->focus.t_ns);
     for (int plane = 0; plane < b->planned && !err; plane++) {
@@ -290,6 +330,7 @@ bool picture_behind_render(struct picture_behind *b, const struct sst_live *live
             if (!b->wanted[i])
                 continue;
             b->cell[i].stale = 0;
+            b->cell[i].urgent = false;
             b->cell[i].score = score(b, &b->agreed, i);
             b->cell[i].calm = (uint8_t)sst_min_int(b->cell[i].calm + 1, CALM);
         }
@@ -327,8 +368,10 @@ static void wake_changed(struct picture_behind *b, const struct picture_memory *
         if (!has_changed(b, m, i))
             continue;
         for (int y = sst_max_int(row - 1, 0); y <= sst_min_int(row + 1, b->rows - 1); y++) {
-            for (int x = sst_max_int(col - 1, 0); x <= sst_min_int(col + 1, b->cols - 1); x++)
+            for (int x = sst_max_int(col - 1, 0); x <= sst_min_int(col + 1, b->cols - 1); x++) {
                 b->cell[y * b->cols + x].calm = 0;
+                b->cell[y * b->cols + x].urgent = true;
+            }
         }
     }
 }

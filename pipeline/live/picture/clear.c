@@ -102,7 +102,7 @@ static int merge(void *arg, struct sst_image *img, struct sst_map_u8 *weight)
 {
     struct picture_clear *c = arg;
     const struct sst_live *live = c->live;
-    const bool behind = isfinite(c->cfg.cut_px) && picture_behind_render(&c->behind, live, weight, c->cfg.cut_px);
+    const bool behind = isfinite(c->cfg.cut_px) && picture_behind_render(&c->behind, live, img, weight, c->cfg.cut_px);
     const struct picture_merge in = { .lf = &live->lf,
                                       .t_ns = live->focus.t_ns,
                                       .threads = live->cfg.threads,

@@ -22,11 +22,11 @@
 #define MOVER_MS       900  /* in which a surface that came in front, or is new, must be seen again */
 #define SETTLED_MS     3000 /* a surface that has been there for this long stays for ... */
 #define LONG_MS        20000
-#define AGREED         48                       /* of 255, from which rays that agree on a colour count ... */
-#define AGREED_SUPPORT (8 * SST_RENDER_SUPPORT) /* ... together like this many rays of the maps */
+#define AGREED_SUPPORT (8 * SST_RENDER_SUPPORT) /* rays that all agree on a colour count like so many of the maps */
 #define LEAST          12                       /* support without which a pixel counts as not seen */
 #define BAND           4                        /* rows of a job, as high as the finest cells */
 #define CELL_SHIFT     2
+#define AGE_MOST_MS    60000
 #define VOTERS         8 /* pixels that decide */
 
 static const struct picture_pixel nothing = { .disp = SST_DISP_NONE };
@@ -126,7 +126,7 @@ static bool is_same(const struct picture_pixel *p, const uint8_t rgb[3], uint16_
     return p->disp != SST_DISP_NONE && abs(p->disp - disp) <= SAME_Q6 && colour_distance(p, rgb) <= SAME_LEVELS;
 }
 
-enum vote { VOTE_NONE = 0, VOTE_SAME = 1, VOTE_CHANGED = 2 };
+enum vote { VOTE_NONE = 0, VOTE_SAME = 1, VOTE_CHANGED = 2, VOTE_WEAK = 3 /* the neighbourhood decides */ };
 
 /* A pixel that is seen: @return its vote on the neighbourhood */
 static enum vote see(const struct merge *g, struct picture_pixel *p, uint8_t rgb[3], uint16_t disp, int support)
@@ -139,11 +139,8 @@ static enum vote see(const struct merge *g, struct picture_pixel *p, uint8_t rgb
             memcpy(rgb, p->rgb, 3);
         return VOTE_SAME;
     }
-    if (known && support < STRONG && 2 * support < p->support && g->now_ms - p->seen_ms < MOVER_MS) {
-        p->support = (uint8_t)(p->support - support);
-        memcpy(rgb, p->rgb, 3);
-        return VOTE_NONE;
-    }
+    if (known && support < STRONG && 2 * support < p->support && g->now_ms - p->seen_ms < MOVER_MS)
+        return VOTE_WEAK;
     replace(p, rgb, disp, support, g->now_ms);
     return known ? VOTE_CHANGED : VOTE_NONE;
 }
@@ -156,10 +153,13 @@ static void fill_behind(const struct merge *g, int y)
     const struct picture_cell *cell = b->cell + (size_t)(y / SST_RENDER_CELL_HEIGHT) * (size_t)b->cols;
     const uint8_t *agreed = sst_map_u8_row(&b->agreed, y);
     uint8_t *weight = sst_map_u8_row(in->weight, y), *support = sst_map_u8_row(in->support, y);
+    const uint8_t *red = sst_image_row(&b->image, 0, y), *green = sst_image_row(&b->image, 1, y),
+                  *blue = sst_image_row(&b->image, 2, y);
     const uint8_t *seen = b->late ? sst_map_u8_row(&b->seen, y) : weight; /* the memory has it */
 
     for (int x = 0; x < g->m->width; x++) {
-        if (seen[x] >= PICTURE_SEEN_WEIGHT || agreed[x] < AGREED)
+        if (seen[x] >= PICTURE_SEEN_WEIGHT || !agreed[x] ||
+            agreed[x] < b->least[picture_behind_colour(red[x], green[x], blue[x])])
             continue;
         for (int c = 0; c < 3; c++)
             sst_image_row(in->image, c, y)[x] = sst_image_row(&b->image, c, y)[x];
@@ -169,12 +169,24 @@ static void fill_behind(const struct merge *g, int y)
     }
 }
 
+static void count_vote(const struct merge *g, const struct picture_pixel *p, enum vote vote, struct picture_votes *cell)
+{
+    cell->weak = (uint16_t)(cell->weak + (vote == VOTE_WEAK));
+    if (vote == VOTE_WEAK)
+        return;
+    cell->same = (uint16_t)(cell->same + (vote == VOTE_SAME));
+    cell->changed = (uint16_t)(cell->changed + (vote == VOTE_CHANGED));
+    cell->seen++;
+    cell->disp += p->disp;
+    cell->age_ms += g->now_ms - p->since_ms < AGE_MOST_MS ? g->now_ms - p->since_ms : AGE_MOST_MS;
+}
+
 static void see_row(const struct merge *g, int y, struct picture_votes *cells)
 {
     const struct picture_merge *in = g->in;
     const uint16_t *surface = sst_map_u16_row(in->surface, y);
     const uint8_t *support = sst_map_u8_row(in->support, y);
-    uint8_t *weight = sst_map_u8_row(in->weight, y);
+    uint8_t *weight = sst_map_u8_row(in->weight, y), *kind = sst_map_u8_row(in->kind, y);
     struct picture_pixel *pixel = g->m->pixel + (size_t)y * (size_t)g->m->width;
     uint8_t *out[3] = { sst_image_row(in->image, 0, y), sst_image_row(in->image, 1, y),
                         sst_image_row(in->image, 2, y) };
@@ -185,13 +197,14 @@ static void see_row(const struct merge *g, int y, struct picture_votes *cells)
 
         if (support[x] < LEAST && !is_same(&pixel[x], rgb, surface[x]))
             weight[x] = 0;
+        kind[x] = PICTURE_FILLED;
         if (weight[x] < PICTURE_SEEN_WEIGHT || surface[x] == SST_DISP_NONE)
             continue;
         vote = see(g, &pixel[x], rgb, surface[x], support[x]);
+        kind[x] = vote == VOTE_WEAK ? PICTURE_UNKNOWN : PICTURE_SEEN;
         for (int c = 0; c < 3; c++)
             out[c][x] = rgb[c];
-        cells[x >> CELL_SHIFT].same = (uint16_t)(cells[x >> CELL_SHIFT].same + (vote == VOTE_SAME));
-        cells[x >> CELL_SHIFT].changed = (uint16_t)(cells[x >> CELL_SHIFT].changed + (vote == VOTE_CHANGED));
+        count_vote(g, &pixel[x], vote, &cells[x >> CELL_SHIFT]);
     }
 }
 
@@ -225,37 +238,60 @@ static void sum_votes(const struct picture_memory *m, int level)
 
             v->same = (uint16_t)(v->same + from[x].same);
             v->changed = (uint16_t)(v->changed + from[x].changed);
+            v->weak = (uint16_t)(v->weak + from[x].weak);
+            v->seen = (uint16_t)(v->seen + from[x].seen);
+            v->disp += from[x].disp;
+            v->age_ms += from[x].age_ms;
         }
     }
 }
 
-/* Votes of the cell of a pixel and of its neighbours. */
-static struct picture_votes votes_around(const struct picture_memory *m, int level, int x, int y)
+/* Do the pixels of a cell that are seen show another surface than a pixel holds, which came after it was last seen? */
+static bool shows_other(const struct merge *g, const struct picture_votes *v, const struct picture_pixel *p)
 {
-    const int col = x >> (CELL_SHIFT + level), row = y >> (CELL_SHIFT + level);
-    struct picture_votes sum = { 0 };
+    const bool newer = v->age_ms / v->seen < g->now_ms - p->seen_ms || v->changed > v->same;
 
-    for (int r = sst_max_int(row - 1, 0); r <= sst_min_int(row + 1, m->rows[level] - 1); r++) {
-        for (int c = sst_max_int(col - 1, 0); c <= sst_min_int(col + 1, m->cols[level] - 1); c++) {
-            const struct picture_votes *v = &m->level[level][(size_t)r * (size_t)m->cols[level] + (size_t)c];
-
-            sum.same = (uint16_t)(sum.same + v->same);
-            sum.changed = (uint16_t)(sum.changed + v->changed);
-        }
-    }
-    return sum;
+    return newer && abs((int)(v->disp / v->seen) - p->disp) > SAME_Q6;
 }
 
-/* Have most of the nearest pixels that are seen now just changed? The same for all pixels of a finest cell. */
-static bool changed_around(const struct picture_memory *m, int x, int y)
+/* Do most of the nearest pixels that are seen now contradict what a pixel holds? */
+static bool is_contradicted(const struct merge *g, const struct picture_pixel *p, int x, int y)
 {
+    const struct picture_memory *m = g->m;
+
     for (int level = 0; level < PICTURE_VOTE_LEVELS; level++) {
-        const struct picture_votes v = votes_around(m, level, x, y);
+        const int col = x >> (CELL_SHIFT + level), row = y >> (CELL_SHIFT + level);
+        int seen = 0, other = 0;
 
-        if (v.same + v.changed >= VOTERS)
-            return v.changed > v.same;
+        for (int r = sst_max_int(row - 1, 0); r <= sst_min_int(row + 1, m->rows[level] - 1); r++) {
+            for (int c = sst_max_int(col - 1, 0); c <= sst_min_int(col + 1, m->cols[level] - 1); c++) {
+                const struct picture_votes *v = &m->level[level][(size_t)r * (size_t)m->cols[level] + (size_t)c];
+
+                seen += v->seen;
+                other += v->seen && shows_other(g, v, p) ? v->seen : 0;
+            }
+        }
+        if (seen >= VOTERS)
+            return 2 * other > seen;
     }
     return false;
+}
+
+/* Have most of the nearest pixels that are seen now another surface than before, though few rays say so? */
+static bool has_come(const struct picture_memory *m, int x, int y)
+{
+    const int col = x >> CELL_SHIFT, row = y >> CELL_SHIFT;
+    int same = 0, other = 0;
+
+    for (int r = sst_max_int(row - 1, 0); r <= sst_min_int(row + 1, m->rows[0] - 1); r++) {
+        for (int c = sst_max_int(col - 1, 0); c <= sst_min_int(col + 1, m->cols[0] - 1); c++) {
+            const struct picture_votes *v = &m->level[0][(size_t)r * (size_t)m->cols[0] + (size_t)c];
+
+            same += v->same;
+            other += v->changed + v->weak;
+        }
+    }
+    return other > same;
 }
 
 /* --- pixels not seen now ------------------------------------------------------------------------------------------ */
@@ -314,6 +350,24 @@ static bool stays(const struct merge *g, struct picture_pixel *p, int x, int y)
     return p->doubt_ms < lifetime_ms(g->in, p, x, y);
 }
 
+/* A pixel that few rays show otherwise than its memory: something came where most pixels around it have changed, too.
+ * Else the rays use the memory up. */
+static void decide(const struct merge *g, struct picture_pixel *p, int x, int y)
+{
+    const struct picture_merge *in = g->in;
+    const int support = sst_map_u8_row(in->support, y)[x];
+    uint8_t *at[3] = { sst_image_row(in->image, 0, y) + x, sst_image_row(in->image, 1, y) + x,
+                       sst_image_row(in->image, 2, y) + x };
+
+    if (has_come(g->m, x, y)) {
+        replace(p, (uint8_t[3]){ *at[0], *at[1], *at[2] }, sst_map_u16_row(in->surface, y)[x], support, g->now_ms);
+        return;
+    }
+    p->support = (uint8_t)(p->support - support);
+    for (int c = 0; c < 3; c++)
+        *at[c] = p->rgb[c];
+}
+
 /* Mix the memory of a pixel into it, as far as it lacks weight. */
 static void show(const struct picture_merge *in, const struct picture_pixel *p, int x, int y)
 {
@@ -330,23 +384,21 @@ static void show(const struct picture_merge *in, const struct picture_pixel *p, 
 /* The pixels of a finest cell that are not seen. */
 static void remember_cell(const struct merge *g, int x0, int y0)
 {
-    enum { UNKNOWN, STAYED, CHANGED } around = UNKNOWN;
     const struct picture_merge *in = g->in;
     const int x1 = sst_min_int(x0 + (1 << CELL_SHIFT), g->m->width), y1 = sst_min_int(y0 + BAND, g->m->height);
 
     for (int y = y0; y < y1; y++) {
         struct picture_pixel *pixel = g->m->pixel + (size_t)y * (size_t)g->m->width;
-        const uint16_t *surface = sst_map_u16_row(in->surface, y);
-        const uint8_t *weight = sst_map_u8_row(in->weight, y);
         const uint8_t *seen = in->behind && in->behind->late ? sst_map_u8_row(&in->behind->seen, y) : NULL;
         uint8_t *kind = sst_map_u8_row(in->kind, y);
 
         for (int x = x0; x < x1; x++) {
-            if (weight[x] >= PICTURE_SEEN_WEIGHT && surface[x] != SST_DISP_NONE) {
+            if (kind[x] != PICTURE_FILLED) {
+                if (kind[x] == PICTURE_UNKNOWN)
+                    decide(g, &pixel[x], x, y);
                 kind[x] = PICTURE_SEEN;
                 continue;
             }
-            kind[x] = PICTURE_FILLED;
             if (pixel[x].disp == SST_DISP_NONE)
                 continue;
             if (seen && seen[x] >= PICTURE_SEEN_WEIGHT) { /* the next maps tell */
@@ -354,9 +406,7 @@ static void remember_cell(const struct merge *g, int x0, int y0)
                 show(in, &pixel[x], x, y);
                 continue;
             }
-            if (around == UNKNOWN)
-                around = changed_around(g->m, x, y) ? CHANGED : STAYED;
-            if (around == CHANGED || !stays(g, &pixel[x], x, y)) {
+            if (is_contradicted(g, &pixel[x], x, y) || !stays(g, &pixel[x], x, y)) {
                 pixel[x] = nothing;
             } else {
                 kind[x] = PICTURE_REMEMBERED;

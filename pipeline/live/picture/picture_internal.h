@@ -28,7 +28,8 @@ void picture_mark_changes(uint8_t *cells, const struct sst_live *live, const str
 /* --- behind.c: colours on which rays agree where the maps show nothing ----------------------------------------------
  */
 
-#define PICTURE_PLANES 6
+#define PICTURE_PLANES         6
+#define PICTURE_BEHIND_COLOURS 512 /* eight levels of red, green and blue each */
 
 struct picture_memory;
 
@@ -37,11 +38,13 @@ struct picture_cell {
     uint8_t plane;
     uint8_t stale; /* its rays have changed since it was rendered: 1, and the sets since then, up to a limit */
     uint8_t calm;  /* renderings in a row without news, up to a limit */
+    bool urgent;   /* something changed here or beside it in the last set: it has its turn in the next one */
     float score;   /* mean agreement of its pixels on that plane, 0..255 */
 };
 
 /** A see-through picture of cells with holes, each on its best plane; only while the maps have low confidence. */
 struct picture_behind {
+    uint8_t least[PICTURE_BEHIND_COLOURS]; /* agreement from which a colour is seen */
     int planned;
     struct sst_render_plan plan[PICTURE_PLANES];
     double plane_px[PICTURE_PLANES];
@@ -65,14 +68,20 @@ struct picture_behind {
 
 void picture_behind_fini(struct picture_behind *b);
 
+/** Which of the colours a pixel has. */
+static inline int picture_behind_colour(int red, int green, int blue)
+{
+    return red >> 5 << 6 | green >> 5 << 3 | blue >> 5;
+}
+
 /**
  * Render the cells with holes from rays that agree.
- * @param weight  in, of the clear picture
+ * @param image, weight  in, of the clear picture
  * @return true: image and agreed are valid where the weight is below PICTURE_SEEN_WEIGHT; false: nothing to do, or
  * failed (logged)
  */
-bool picture_behind_render(struct picture_behind *b, const struct sst_live *live, const struct sst_map_u8 *weight,
-                           double cut_px);
+bool picture_behind_render(struct picture_behind *b, const struct sst_live *live, const struct sst_image *image,
+                           const struct sst_map_u8 *weight, double cut_px);
 /** How many times as seldom as others a cell is rendered, since nothing changes behind leaves that move: 1 or more. */
 int picture_behind_slowness(const struct picture_behind *b, int at);
 /** After the merge: note the calm cells, and try some on other planes, for the next picture. */
@@ -93,9 +102,11 @@ struct picture_pixel {
     uint32_t since_ms; /* ... and this surface first */
 };
 
-/** Pixels of a cell that confirm their memory, and that have changed it. */
+/** Pixels of a cell that are seen now: those that confirm their memory, that have changed it, and that contradict it with
+ *  few rays; all but the last, with sums of their stored disparities and of the ages of their surfaces, ms. */
 struct picture_votes {
-    uint16_t same, changed;
+    uint16_t same, changed, weak, seen;
+    uint32_t disp, age_ms;
 };
 
 #define PICTURE_VOTE_LEVELS 6 /* cells of 4, 8 ... 128 px */
