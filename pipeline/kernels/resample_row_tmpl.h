@@ -129,7 +129,7 @@ static inline __m256i KERNEL(resample_two)(const struct KERNEL(resample_places) 
                             _mm256_permute2x128_si256(sum[0], sum[1], 0x31));
 }
 
-/* Four sums to 16 bits, 1/128 level: those of 0 and 2, and of 1 and 3. */
+/* Four sums to 16 bits, 1/128 level: 0 and 2 in one half, 1 and 3 in the other. */
 static inline __m256i KERNEL(resample_round)(__m256i a, __m256i b)
 {
     const __m256i half = _mm256_set1_epi32(4096);
@@ -139,7 +139,7 @@ static inline __m256i KERNEL(resample_round)(__m256i a, __m256i b)
                             _mm256_set1_epi16(SST_LIGHT_WHITE));
 }
 
-/* Four positions, 4 or 6 taps; those that are none are 0. */
+/* Four positions, 4 or 6 taps; 0 where there is none. */
 static inline void KERNEL(resample_four)(uint16_t *const out[3], const struct sst_resample *from, const int32_t *xy_q8,
                                          int taps)
 {
@@ -237,7 +237,7 @@ static inline __m256i KERNEL(bilinear_across)(__m256i a, __m256i b, __m256i weig
                                planes);
 }
 
-/* Eight positions; those that are none are 0. */
+/* Eight positions; 0 where there is none. */
 static inline void KERNEL(bilinear_eight)(uint16_t *const out[3], const struct sst_resample *from, const int32_t *xy_q8)
 {
     const uint8_t *pixel = from->pixel;

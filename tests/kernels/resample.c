@@ -37,7 +37,7 @@ static void bilinear_weights(int16_t *w)
     }
 }
 
-/* Sums of 2^14, magnitudes of up to 2^15; those of two taps are given. */
+/* Sums of 2^14, magnitudes of up to 2^15; two taps have the given ones. */
 static void random_weights(int16_t *w, int taps)
 {
     if (taps == 2)

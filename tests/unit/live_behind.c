@@ -463,7 +463,7 @@ static void few_rays_decide_together(void **state SST_UNUSED)
     picture_memory_fini(&memory);
 }
 
-/* What the pixels of a hole remember goes where another surface has come around it since, and stays beside an old one.
+/* The memory of a hole's pixels goes where another surface has come around it since, and stays beside an old one.
  */
 static void holes_follow_what_has_come(void **state SST_UNUSED)
 {
@@ -493,7 +493,7 @@ static void holes_follow_what_has_come(void **state SST_UNUSED)
     }
 }
 
-/* Rays that agree on a colour of the leaves must be more than those that agree on one of the scene behind. */
+/* A colour of the leaves needs more rays that agree on it than a colour of the scene behind. */
 static void colours_of_leaves_need_more_rays(void **state SST_UNUSED)
 {
     int count[2] = { 0 }, strict[2] = { 0 };

@@ -29,7 +29,7 @@
 #define EXPLORE      3    /* one cell in this many times as many is tried on another plane; at the start ... */
 #define START_TRIED  4    /* ... one in this many in every set, until each was tried on all; until then ... */
 #define AGREED       48   /* of 255, from which rays that agree on a colour show it, ... */
-#define AGREED_FRONT 58 /* ... a colour more frequent in what is removed than in what is seen: leaves agree by chance  \
+#define AGREED_FRONT 58 /* ... a colour more frequent among removed pixels than among seen ones: leaves agree by chance  \
                          */
 #define COUNTED_STEP 4  /* every so many pixels of so many rows */
 #define START_TURNS  2  /* ... stale cells are rendered within this number of sets, so that no set takes long */
@@ -169,8 +169,8 @@ static bool count_holes(struct picture_behind *b, const struct sst_map_u8 *weigh
     return any;
 }
 
-/* The agreement from which a colour is seen, by its share in the pixels of a view that are removed, and in those of the
- * picture that are seen: where all rays end in leaves, some of them agree. */
+/* The agreement from which a colour is seen, by its share in the removed pixels of a view and in the seen pixels of the
+ * picture: where all rays end in leaves, some of them agree. */
 static void count_colours(struct picture_behind *b, const struct sst_live *live, const struct sst_image *image,
                           const struct sst_map_u8 *weight, double cut_px)
 {

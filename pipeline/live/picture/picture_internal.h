@@ -102,7 +102,7 @@ struct picture_pixel {
     uint32_t since_ms; /* ... and this surface first */
 };
 
-/** Pixels of a cell that are seen now: those that confirm their memory, that have changed it, and that contradict it with
+/** Pixels of a cell that are seen now: numbers of pixels that confirm their memory, have changed it, and contradict it with
  *  few rays; all but the last, with sums of their stored disparities and of the ages of their surfaces, ms. */
 struct picture_votes {
     uint16_t same, changed, weak, seen;
