@@ -28,12 +28,11 @@
 #define CELL_LEVEL   1    /* of votes: their cells are as high as the cells here */
 #define EXPLORE      3    /* one cell in this many times as many is tried on another plane; at the start ... */
 #define START_TRIED  4    /* ... one in this many in every set, until each was tried on all; until then ... */
-#define AGREED       48   /* of 255, from which rays that agree on a colour show it, ... */
-#define AGREED_FRONT 58 /* ... a colour more frequent among removed pixels than among seen ones: leaves agree by chance  \
-                         */
-#define COUNTED_STEP 4  /* every so many pixels of so many rows */
 #define START_TURNS  2  /* ... stale cells are rendered within this number of sets, so that no set takes long */
 #define START_ROUNDS (START_TRIED * PICTURE_PLANES)
+#define AGREED       48   /* of 255, from which rays that agree on a colour show it, ... */
+#define AGREED_FRONT 58   /* ... one that is more frequent among removed than among seen pixels: leaves agree by chance */
+#define COUNTED_STEP 4    /* every so many pixels of so many rows */
 
 void picture_behind_fini(struct picture_behind *b)
 {
