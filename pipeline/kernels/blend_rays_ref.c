@@ -14,13 +14,15 @@ static float ray_weight(const struct sst_blend *b, size_t x)
     return b->near.bits ? w * sst_blend_near(&b->near, b->disp[x]) : w;
 }
 
-void sst_blend_rays_ref(float *const acc[4], const struct sst_blend *b, size_t n)
+void sst_blend_rays_ref(float *const acc[4], const struct sst_blend *b, int views, size_t n)
 {
     for (size_t x = 0; x < n; x++) {
-        const float w = ray_weight(b, x);
+        for (int k = 0; k < views; k++) {
+            const float w = ray_weight(&b[k], x);
 
-        for (int c = 0; c < 3; c++)
-            acc[c][x] += w * (float)blend_colour_ref(b, c, x);
-        acc[3][x] += w;
+            for (int c = 0; c < 3; c++)
+                acc[c][x] += w * (float)blend_colour_ref(&b[k], c, x);
+            acc[3][x] += w;
+        }
     }
 }

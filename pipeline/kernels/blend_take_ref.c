@@ -15,7 +15,7 @@ void sst_blend_take_ref(uint8_t *const colour[3], float *weight, const struct ss
             pixel.bottom[c] = b->bottom[c] + x;
             colour[c][x] = (uint8_t)((blend_colour_ref(b, c, x) + SST_BLEND_LEVEL / 2) / SST_BLEND_LEVEL);
         }
-        sst_blend_rays_ref(one, &pixel, 1);
+        sst_blend_rays_ref(one, &pixel, 1, 1);
         weight[x] = w;
     }
 }

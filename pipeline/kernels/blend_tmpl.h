@@ -9,7 +9,7 @@
 #include "pipeline/kernels/blend_near.h"
 #include "pipeline/kernels/simd.h"
 
-#define BLEND_PART 256
+#define BLEND_PART 768 /* weights of as many pixels of SST_BLEND_VIEWS views stay in the first level of cache */
 
 /* Colours of one channel of n rays. */
 static inline void KERNEL(blend_colour)(int32_t *restrict out, const struct sst_blend *b, int c, size_t n)
@@ -132,12 +132,14 @@ static inline void KERNEL(blend_take_part)(uint8_t *const colour[3], float *weig
     }
 }
 
-static inline void KERNEL(blend_rays_parts)(float *const acc[4], const struct sst_blend *b, size_t n)
+static inline void KERNEL(blend_rays_parts)(float *const acc[4], const struct sst_blend *b, int views, size_t n)
 {
     for (size_t x = 0; x < n; x += BLEND_PART) {
-        const struct sst_blend part = KERNEL(blend_from)(b, x);
+        for (int k = 0; k < views; k++) {
+            const struct sst_blend part = KERNEL(blend_from)(&b[k], x);
 
-        KERNEL(blend_rays_part)(acc, x, &part, KERNEL(blend_part)(n - x));
+            KERNEL(blend_rays_part)(acc, x, &part, KERNEL(blend_part)(n - x));
+        }
     }
 }
 
@@ -171,9 +173,9 @@ static void KERNEL(blend_take)(uint8_t *const colour[3], float *weight, const st
     KERNEL(blend_take_parts)(colour, weight, b, n);
 }
 
-static void KERNEL(blend_rays)(float *const acc[4], const struct sst_blend *b, size_t n)
+static void KERNEL(blend_rays)(float *const acc[4], const struct sst_blend *b, int views, size_t n)
 {
-    KERNEL(blend_rays_parts)(acc, b, n);
+    KERNEL(blend_rays_parts)(acc, b, views, n);
 }
 
 static void KERNEL(blend_plain)(int32_t *const sum[3], float *count, const struct sst_blend *b, int views, size_t n)

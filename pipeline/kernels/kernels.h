@@ -450,7 +450,7 @@ typedef void sst_subpixel_plane_row_fn(float *disp, float *const slope[2], const
 /* --- rendering (pipeline/method/render/) --- */
 
 #define SST_BLEND_MAX          2048 /* pixels that one call of a blend kernel takes at most */
-#define SST_BLEND_VIEWS        4    /* views that one call of blend_plain takes at most */
+#define SST_BLEND_VIEWS        4    /* views that one call of a blend kernel takes at most */
 #define SST_BLEND_COLUMNS      4096 /* columns of the table of label weights: stored disparity / 16, 1/4 px each */
 #define SST_BLEND_COLUMN_SHIFT 4
 #define SST_BLEND_FLOOR        1e-28f /* smaller weight sums are invalid */
@@ -483,32 +483,39 @@ struct sst_blend_range {
     float inside[SST_BLEND_RANGES], outside;
 };
 
-#define SST_BLEND_FEW  16   /* labels below it have entries in sst_blend_labels.index */
-#define SST_BLEND_ONES 8    /* different weights in a vector of AVX2 */
-#define SST_BLEND_MANY 0x80 /* no index of one */
+#define SST_BLEND_FEW    16   /* labels below it have entries in sst_blend_labels.index */
+#define SST_BLEND_ONES   8    /* different weights in a vector of AVX2 */
+#define SST_BLEND_MANY   0x80 /* no index of one */
+#define SST_BLEND_RANGED 0x08 /* with the index of the weight outside of the label's ranges */
 
 /** Weights of all labels. */
 struct sst_blend_labels {
     struct sst_blend_range range[256];
     /* sst_blend_labels_few() */
+    int ones; /* in use */
     float one[SST_BLEND_ONES];
-    uint8_t index[SST_BLEND_FEW]; /* of `one`, by label; SST_BLEND_MANY: W_s depends on the disparity, or has no place */
+    uint8_t index[SST_BLEND_FEW]; /* of `one`, by label, with SST_BLEND_RANGED; SST_BLEND_MANY: there is no place */
+    int ranged;
+    uint8_t label_ranged[SST_BLEND_FEW]; /* [ranged] labels with SST_BLEND_RANGED */
 };
 
-/** Set `one` and `index` by `range`. */
+/** Set all fields after `range`. */
 static inline void sst_blend_labels_few(struct sst_blend_labels *l)
 {
-    int n = 0, k;
+    int k;
 
+    l->ones = l->ranged = 0;
     for (int i = 0; i < SST_BLEND_FEW; i++) {
-        for (k = 0; k < n && l->one[k] != l->range[i].outside; k++)
+        for (k = 0; k < l->ones && l->one[k] != l->range[i].outside; k++)
             ;
         l->index[i] = SST_BLEND_MANY;
-        if (l->range[i].ranges || k == SST_BLEND_ONES)
+        if (l->range[i].ranges > SST_BLEND_RANGES || k == SST_BLEND_ONES)
             continue;
         l->one[k] = l->range[i].outside;
-        l->index[i] = (uint8_t)k;
-        n = k == n ? n + 1 : n;
+        l->index[i] = (uint8_t)(l->range[i].ranges ? k | SST_BLEND_RANGED : k);
+        if (l->range[i].ranges)
+            l->label_ranged[l->ranged++] = (uint8_t)i;
+        l->ones = sst_max_int(l->ones, k + 1);
     }
 }
 
@@ -522,16 +529,18 @@ struct sst_blend {
     float aperture;                    /* weight of the view */
     const uint16_t *disp;              /* nearest pixel, n of them; 0xFFFF: unknown. NULL: W_s = W_d = 1 */
     const uint8_t *label;              /* nearest pixel; NULL: W_s = 1 */
+    size_t disp_below, label_below;    /* as `below` */
     const struct sst_blend_labels *by; /* W_s by label */
     struct sst_blend_near near;        /* W_d by disparity */
 };
 
 /**
- * acc[0..2] += A W_s W_d C, acc[3] += A W_s W_d (design.md, 5.4) with C bilinear, times SST_BLEND_LEVEL.
+ * acc[0..2] += A W_s W_d C, acc[3] += A W_s W_d (design.md, 5.4) with C bilinear, times SST_BLEND_LEVEL, of each view.
  *
  * @param acc  in and out, four rows of n; n at most SST_BLEND_MAX
+ * @param b    in [views], 1..SST_BLEND_VIEWS
  */
-typedef void sst_blend_rays_fn(float *const acc[4], const struct sst_blend *b, size_t n);
+typedef void sst_blend_rays_fn(float *const acc[4], const struct sst_blend *b, int views, size_t n);
 
 /** sum += C, count += 1 of each view: plain refocusing. 512 views fit. @param b  in [views], 1..SST_BLEND_VIEWS */
 typedef void sst_blend_plain_fn(int32_t *const sum[3], float *count, const struct sst_blend *b, int views, size_t n);

@@ -46,14 +46,15 @@ static float random_share(void)
     return (float)(sst_random_u64(&seed) % 1000) / 1000;
 }
 
-/* Weights by label and disparity; every fifth label's are irregular. */
+/* Weights by label and disparity, four different weights outside of ranges if `few`; every fifth label has irregular weights. */
 struct weights {
     float table[256 * SST_BLEND_COLUMNS];
     struct sst_blend_labels by;
 };
 
-static struct weights *random_weights(void)
+static struct weights *random_weights(bool few)
 {
+    const float share[] = { 0.02f, 1, 0.19f, 0.91f };
     struct weights *w = malloc(sizeof(*w));
 
     assert_non_null(w);
@@ -61,7 +62,9 @@ static struct weights *random_weights(void)
         float *row = w->table + label * SST_BLEND_COLUMNS;
         struct sst_blend_range *r = &w->by.range[label];
 
-        *r = (struct sst_blend_range){ .weight = row, .ranges = (int)(label % 5), .outside = random_share() };
+        *r = (struct sst_blend_range){ .weight = row,
+                                       .ranges = (int)(label % 5),
+                                       .outside = few ? share[label % 4] : random_share() };
         for (size_t c = 0; c < SST_BLEND_COLUMNS; c++)
             row[c] = r->ranges > SST_BLEND_RANGES || c == SST_BLEND_COLUMNS - 1 ? random_share() : r->outside;
         for (int i = 0; i < r->ranges && r->ranges <= SST_BLEND_RANGES; i++) {
@@ -128,19 +131,21 @@ static void check_level(const struct sst_kernels *k, size_t n, const struct weig
 {
     for (int plain = 0; plain < 2; plain++) {
         const struct accumulators want = guard_accumulators(n, NULL), got = guard_accumulators(n, &want);
-        const int views = plain ? 1 + (int)(sst_random_u64(&seed) % SST_BLEND_VIEWS) : 1;
+        const int views =
+            sst_random_u64(&seed) % 2 ? SST_BLEND_VIEWS : 1 + (int)(sst_random_u64(&seed) % SST_BLEND_VIEWS);
         struct sst_blend b[SST_BLEND_VIEWS];
 
         for (int v = 0; v < views; v++) {
             b[v] = random_blend(n, weights);
             b[v].below = sst_random_u64(&seed) % 2 ? 4096 : 0;
+            b[v].disp_below = b[v].label_below = b[v].below;
         }
         if (plain) {
             sst_blend_plain_ref(want.sum, want.row[3], b, views, n);
             k->blend_plain(got.sum, got.row[3], b, views, n);
         } else {
-            sst_blend_rays_ref(want.row, b, n);
-            k->blend_rays(got.row, b, n);
+            sst_blend_rays_ref(want.row, b, views, n);
+            k->blend_rays(got.row, b, views, n);
         }
         for (int c = 0; c < 4; c++) {
             if (memcmp(got.row[c], want.row[c], n * sizeof(float)))
@@ -170,7 +175,7 @@ static void check_take(const struct sst_kernels *k, size_t n, const struct weigh
 
 static void blend_equals_reference(void **state SST_UNUSED)
 {
-    struct weights *weights = random_weights();
+    struct weights *all[2] = { random_weights(false), random_weights(true) };
 
     for (int level = SST_CPU_BASE; level < SST_CPU_LEVELS; level++) {
         struct sst_kernels k;
@@ -180,6 +185,8 @@ static void blend_equals_reference(void **state SST_UNUSED)
             continue;
         }
         for (int round = 0; round < 8; round++) {
+            const struct weights *weights = all[round % 2];
+
             for (size_t n = 1; n <= 129; n++) {
                 check_level(&k, n, weights, sst_cpu_level_name((enum sst_cpu_level)level));
                 check_take(&k, n, weights, sst_cpu_level_name((enum sst_cpu_level)level));
@@ -187,7 +194,8 @@ static void blend_equals_reference(void **state SST_UNUSED)
             check_level(&k, SST_BLEND_MAX, weights, sst_cpu_level_name((enum sst_cpu_level)level));
         }
     }
-    free(weights);
+    free(all[0]);
+    free(all[1]);
 }
 
 static void finish_equals_reference(void **state SST_UNUSED)
@@ -271,13 +279,13 @@ static void reference_is_the_formula(void **state SST_UNUSED)
     sst_blend_set_taps(b.tap, 0.5, 0.25);
     row[100 / 16] = 0.5f;
     row[SST_BLEND_COLUMNS - 1] = 1;
-    sst_blend_rays_ref(acc, &b, 1);
+    sst_blend_rays_ref(acc, &b, 1, 1);
     assert_true(fabs(w - 0.494304) < 2e-4);
     assert_true(fabs(r - (1 + 35 * SST_BLEND_LEVEL * 0.494304)) < 0.0002 * 50 * SST_BLEND_LEVEL);
     assert_true(fabs(blue - 35 * SST_BLEND_LEVEL * 0.494304) < 0.0002 * 50 * SST_BLEND_LEVEL);
     b.disp = &none;
     w = 0;
-    sst_blend_rays_ref(acc, &b, 1);
+    sst_blend_rays_ref(acc, &b, 1, 1);
     assert_true(fabs(w - 0.4) < 1e-6);
     w = 0;
     sst_blend_plain_ref(sum, &w, &b, 1, 1);
@@ -301,8 +309,9 @@ static void exponential_is_within_its_bound(void **state SST_UNUSED)
 /* Focus, sigma in stored units, C1: against the formula, and 1 in focus. Unknown: C1. */
 static void weight_of_depth_is_the_formula(void **state SST_UNUSED)
 {
-    static const double cases[][3] = { { 300, 40, 0.005 },  { 300.5, 40, 0 },  { -90, 60, 0.1 },     { 65000, 900, 0.01 },
-                                       { 12.25, 0.9, 0.2 }, { 9000, 6000, 0 }, { 100, 200000, 0.5 }, { 20000, 7, 0.999 } };
+    static const double cases[][3] = { { 300, 40, 0.005 },   { 300.5, 40, 0 },    { -90, 60, 0.1 },
+                                       { 65000, 900, 0.01 }, { 12.25, 0.9, 0.2 }, { 9000, 6000, 0 },
+                                       { 100, 200000, 0.5 }, { 20000, 7, 0.999 } };
 
     for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
         const double focus = cases[i][0], sigma = cases[i][1], c1 = cases[i][2];
@@ -333,9 +342,9 @@ static void focus_out_of_reach(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(blend_equals_reference),   cmocka_unit_test(finish_equals_reference),
-        cmocka_unit_test(support_equals_reference), cmocka_unit_test(support_by_hand),
-        cmocka_unit_test(reference_is_the_formula), cmocka_unit_test(exponential_is_within_its_bound),
+        cmocka_unit_test(blend_equals_reference),         cmocka_unit_test(finish_equals_reference),
+        cmocka_unit_test(support_equals_reference),       cmocka_unit_test(support_by_hand),
+        cmocka_unit_test(reference_is_the_formula),       cmocka_unit_test(exponential_is_within_its_bound),
         cmocka_unit_test(weight_of_depth_is_the_formula), cmocka_unit_test(focus_out_of_reach),
     };
 

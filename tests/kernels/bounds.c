@@ -479,7 +479,7 @@ static void rays_of_a_view(void **state SST_UNUSED)
         by.range[3].weight = table;
         table[disp >> SST_BLEND_COLUMN_SHIFT] = real(0.05, 1);
         sst_blend_near_set(&blend.near, focus_q6, 64 * sigma, c1);
-        sst_blend_rays_ref((float *const[4]){ sum[0], sum[1], sum[2], sum[3] }, &blend, 1);
+        sst_blend_rays_ref((float *const[4]){ sum[0], sum[1], sum[2], sum[3] }, &blend, 1, 1);
         w = (wide)blend.aperture * (wide)table[disp >> SST_BLEND_COLUMN_SHIFT] *
             ref_weight_depth((wide)focus_q6, disp, (wide)64 * sigma, (wide)c1);
         c = ref_bilinear(top, bottom, fx, fy);

@@ -159,6 +159,8 @@ static void set_maps(struct sst_blend *b, const struct sst_render_plan *p, const
     b->aperture = (float)t->aperture;
     b->disp = p->weighted ? sst_map_u16_row(&t->v->disp, y + t->ny) + from + t->nx : NULL;
     b->label = p->table && t->v->label.data ? sst_map_u8_row(&t->v->label, y + t->ny) + from + t->nx : NULL;
+    b->disp_below = t->v->disp.stride;
+    b->label_below = t->v->label.stride;
 }
 
 static void set_colours(struct sst_blend *b, const struct sst_render_tap *t, int from, int y)
@@ -191,7 +193,7 @@ static void blend(const struct render_sink *s, int skip, const struct sst_render
         } else if (!s->support_only) {
             float *const at[4] = { s->acc[0] + skip, s->acc[1] + skip, s->acc[2] + skip, s->acc[3] + skip };
 
-            k->blend_rays(at, b, (size_t)(to - from));
+            k->blend_rays(at, b, 1, (size_t)(to - from));
         }
         if (s->support)
             add_support(s, skip, p, b, to - from);
@@ -279,9 +281,9 @@ struct stretch {
     int x, n, y;
 };
 
-/* Add the plain rays of SST_BLEND_VIEWS views: at once where all have them, one view after the other beside that. */
-static void add_plain_views(const struct render_sink *s, const struct sst_render_plan *p,
-                            const struct sst_render_tap *t, struct stretch at)
+/* Add the rays of SST_BLEND_VIEWS views: at once where all have them, one view after the other beside that. */
+static void add_views(const struct render_sink *s, const struct sst_render_plan *p, const struct sst_render_tap *t,
+                      struct stretch at)
 {
     const int x = at.x, n = at.n, y = at.y;
     struct sst_blend b[SST_BLEND_VIEWS];
@@ -300,14 +302,20 @@ static void add_plain_views(const struct render_sink *s, const struct sst_render
         if (to < end)
             add_run(s, p, &t[k], x, to, end, y);
         b[k] = p->blend;
-        set_maps(&b[k], p, &t[k], from, y, true);
+        set_maps(&b[k], p, &t[k], from, y, s->plain);
         set_colours(&b[k], &t[k], from, y);
         if (s->support)
             add_support(s, from - x, p, &b[k], to - from);
     }
-    sst_kernels_get()->blend_plain(
-        (int32_t *const[3]){ s->sum[0] + from - x, s->sum[1] + from - x, s->sum[2] + from - x }, s->count + from - x, b,
-        SST_BLEND_VIEWS, (size_t)(to - from));
+    to -= from;
+    from -= x;
+    if (s->plain)
+        sst_kernels_get()->blend_plain((int32_t *const[3]){ s->sum[0] + from, s->sum[1] + from, s->sum[2] + from },
+                                       s->count + from, b, SST_BLEND_VIEWS, (size_t)to);
+    else
+        sst_kernels_get()->blend_rays(
+            (float *const[4]){ s->acc[0] + from, s->acc[1] + from, s->acc[2] + from, s->acc[3] + from }, b,
+            SST_BLEND_VIEWS, (size_t)to);
 }
 
 const struct sst_blend *render_read_ahead(struct sst_blend *b, const struct sst_render_plan *p,
@@ -396,8 +404,8 @@ static void render_rows(const struct render_picture *pic, float (*weight)[SST_BL
         const int end = sst_min_int(first + SST_BLEND_VIEWS, p->count);
 
         for (int i = 0; i < rows; i++) {
-            if (p->summed && end - first == SST_BLEND_VIEWS) {
-                add_plain_views(&s[i], p, &p->tap[first], (struct stretch){ x, n, y + i });
+            if (end - first == SST_BLEND_VIEWS) {
+                add_views(&s[i], p, &p->tap[first], (struct stretch){ x, n, y + i });
                 continue;
             }
             for (int k = first; k < end; k++)
