@@ -272,10 +272,41 @@ static int deep_rows(struct reader *r, void *arg)
     return 0;
 }
 
+/* 8-bit RGB or grey without libpng. @return false: libpng's turn */
+static bool deep_plain(struct sst_deep *deep, const uint8_t *data, size_t size)
+{
+    static const enum png_plain_kind kinds[2] = { PNG_PLAIN_RGB, PNG_PLAIN_U8 };
+    struct png_plain p;
+    bool good = false;
+
+    for (int i = 0; WITH_DEFLATE && !good && i < 2; i++)
+        good = png_plain_read(&p, data, size, kinds[i]);
+    if (!good)
+        return false;
+    good = !p.indexed && !sst_deep_init(deep, p.width, p.height, (int)p.step, 255);
+    for (int y = 0; good && y < p.height; y++) {
+        const uint8_t *row = p.rows + (size_t)y * (p.step * (size_t)p.width + 1) + 1;
+
+        for (size_t c = 0; c < p.step; c++) {
+            uint16_t *to = sst_map_u16_row(&deep->plane[c], y);
+
+            for (size_t x = 0; x < (size_t)p.width; x++)
+                to[x] = row[x * p.step + c];
+        }
+    }
+    png_plain_fini(&p);
+    return good;
+}
+
 int sst_png_decode_deep(struct sst_deep *out, const uint8_t *data, size_t size, const char *name)
 {
     struct sst_deep made = { 0 };
     int err;
+
+    if (deep_plain(&made, data, size)) {
+        *out = made;
+        return 0;
+    }
 
     if (decode_plain(data, size, &(struct decoded){ PNG_PLAIN_U16, { 0, 0 }, &made.plane[0] })) {
         *out = (struct sst_deep){ made.plane[0].width, made.plane[0].height, 1, 65535, { made.plane[0] } };

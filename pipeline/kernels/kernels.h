@@ -10,6 +10,7 @@
 #include "base/base.h"
 #include "pipeline/kernels/blend_near.h"
 #include "pipeline/kernels/consensus.h"
+#include "pipeline/kernels/windows.h"
 
 /*
  * A kernel is a pure function on rows. `<name>_ref.c` is its definition: the plainest loop. `<name>_tmpl.h` is the form
@@ -80,6 +81,13 @@ enum sst_cpu_level {
     X(place_row)                                                                                                       \
     X(resample_row)                                                                                                    \
     X(warped_row)                                                                                                      \
+    X(level_row)                                                                                                       \
+    X(window_squares)                                                                                                  \
+    X(window_products)                                                                                                 \
+    X(window_stats)                                                                                                    \
+    X(window_best)                                                                                                     \
+    X(window_agree)                                                                                                    \
+    X(weighted_add)                                                                                                    \
     X(light_row)                                                                                                       \
     X(guide_cells)                                                                                                     \
     X(class_row)                                                                                                       \

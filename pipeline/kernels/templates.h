@@ -21,6 +21,7 @@
 #include "pipeline/kernels/hypothesis_cost_tmpl.h"
 #include "pipeline/kernels/hypothesis_path_tmpl.h"
 #include "pipeline/kernels/land_row_tmpl.h"
+#include "pipeline/kernels/level_row_tmpl.h"
 #include "pipeline/kernels/light_row_tmpl.h"
 #include "pipeline/kernels/median_tmpl.h"
 #include "pipeline/kernels/median_votes_tmpl.h"
@@ -35,6 +36,7 @@
 #include "pipeline/kernels/support_tmpl.h"
 #include "pipeline/kernels/transpose_tmpl.h"
 #include "pipeline/kernels/warped_row_tmpl.h"
+#include "pipeline/kernels/window_tmpl.h"
 #include "pipeline/kernels/winner_tmpl.h"
 
 void KERNEL(sst_kernels_fill)(struct sst_kernels *k);

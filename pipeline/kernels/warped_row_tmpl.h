@@ -1,5 +1,6 @@
 /*
- * warped_row. A gather fetches two neighbouring samples at once, which are made signed for a multiply-add of 16 bits;
+ * warped_row. Segments with steps of about a pixel along rows are read without gathers (warped_near_tmpl.h). Otherwise a
+ * gather fetches two neighbouring samples at once, which are made signed for a multiply-add of 16 bits;
  * both rows are then joined modulo 2^32: the result itself fits. Ends of segments, and levels without gathers, are the
  * reference's.
  */
@@ -53,11 +54,35 @@ static inline int KERNEL(warped_segment)(uint32_t *const sum[3], uint16_t *count
     return i;
 }
 
+/* Whole vectors of a segment without gathers. @return how many pixels that are */
+static inline int KERNEL(warped_near)(uint32_t *const sum[3], uint16_t *count, const struct sst_warped_source *from,
+                                      const struct sst_warped_segment *s)
+{
+    const __m256i half = _mm256_set1_epi32(512), zero_level = _mm256_set1_epi32(32768 << 6);
+    int i = 0;
+
+    for (; i + NEAR_LANES <= s->n; i += NEAR_LANES) {
+        const struct KERNEL(near) near = KERNEL(near_places)(from, s, i);
+
+        for (int c = 0; c < from->channels; c++) {
+            __m256i *to = (__m256i *)(void *)(sum[c] + s->at + i);
+            const __m256i both = KERNEL(near_levels)(from->plane[c], from->stride, &near);
+            const __m256i v = _mm256_add_epi32(_mm256_srai_epi32(_mm256_add_epi32(both, half), 10), zero_level);
+
+            _mm256_storeu_si256(to, _mm256_add_epi32(_mm256_loadu_si256(to), v));
+        }
+        for (int k = 0; k < NEAR_LANES; k++)
+            count[s->at + i + k]++;
+    }
+    return i;
+}
+
 static void KERNEL(warped_row)(uint32_t *const sum[3], uint16_t *count, const struct sst_warped_source *from,
                                const struct sst_warped_segment *segment, size_t segments)
 {
     for (; segments > 0; segments--, segment++) {
-        const int done = KERNEL(warped_segment)(sum, count, from, segment);
+        const int done = KERNEL(near_fits)(from, segment) ? KERNEL(warped_near)(sum, count, from, segment)
+                                                          : KERNEL(warped_segment)(sum, count, from, segment);
 
         if (done < segment->n) {
             struct sst_warped_segment rest = *segment;

@@ -10,35 +10,75 @@
 #include "base/thread.h"
 #include "pipeline/posed/surface_internal.h"
 
-#define RADIUS    3
-#define AREA      49
+#define RADIUS    (SST_WINDOW / 2)
 #define BAND_ROWS 32
 #define FLOOR     0.02f /* variance, of 1 over a picture: windows without texture do not agree */
 #define ENOUGH    0.7f  /* correlation */
+
+/* Row in work. One thread. */
+struct agree_rows {
+    int32_t *products;     /* [pairs][width] column sums, and */
+    int32_t *sum;          /* [views][2][width]: of levels and of squares */
+    float *mean, *inverse; /* [views][width] of windows; those without all pixels have 0 */
+    uint8_t *agreeing;     /* [views][width] */
+    uint8_t *whole, *most; /* [width] windows that views see; the largest number that agrees with one */
+    int16_t *zero;         /* [width] */
+    int *view, views;      /* [views] those that see the band, ... */
+    bool *all;             /* [views] ... and all of it */
+};
+
+static int pair_count(int views)
+{
+    return views * (views - 1) / 2;
+}
+
+static bool rows_init(struct agree_rows *r, size_t width, size_t views)
+{
+    r->products = sst_mem_alloc_raw(width * (size_t)pair_count((int)views), sizeof(*r->products));
+    r->sum = sst_mem_alloc_raw(width * 2 * views, sizeof(*r->sum));
+    r->mean = sst_mem_alloc_raw(width * 2 * views, sizeof(*r->mean));
+    r->agreeing = sst_mem_alloc_raw(width * (views + 2), sizeof(*r->agreeing));
+    r->zero = sst_mem_alloc(width, sizeof(*r->zero));
+    r->view = calloc(views, sizeof(*r->view));
+    r->all = calloc(views, sizeof(*r->all));
+    if (!r->view || !r->all || !r->products || !r->sum || !r->mean || !r->agreeing || !r->zero)
+        return false;
+    r->inverse = r->mean + width * views;
+    r->whole = r->agreeing + width * views;
+    r->most = r->whole + width;
+    return true;
+}
+
+static void rows_fini(struct agree_rows *r)
+{
+    sst_mem_free(r->products);
+    sst_mem_free(r->sum);
+    sst_mem_free(r->mean);
+    sst_mem_free(r->agreeing);
+    sst_mem_free(r->zero);
+    free(r->view);
+    free(r->all);
+}
 
 int agree_init(struct agree *agree, const struct sst_virtual *camera, const struct sst_surface *surface,
                const struct greys *greys, int threads)
 {
     const size_t pixels = (size_t)camera->width * (size_t)camera->height, views = (size_t)greys->count;
     struct agree a = { .greys = greys, .threads = sst_thread_count(threads) };
-    const size_t width = (size_t)camera->width, each = (size_t)a.threads;
     int err = warp_init(&a.warp, camera, surface);
 
-    a.rows = calloc(each, sizeof(*a.rows));
+    a.rows = calloc((size_t)a.threads, sizeof(*a.rows));
+    a.worker = calloc((size_t)a.threads, sizeof(*a.worker));
     a.level = sst_mem_alloc_raw(pixels * views, sizeof(*a.level));
-    a.mean = sst_mem_alloc_raw(pixels * views, sizeof(*a.mean));
-    a.inverse = sst_mem_alloc_raw(pixels * views, sizeof(*a.inverse));
     a.seen = sst_mem_alloc_raw(pixels * views, sizeof(*a.seen));
-    a.sum = sst_mem_alloc_raw(each * width, sizeof(*a.sum));
-    a.count = sst_mem_alloc_raw(each * width, sizeof(*a.count));
-    a.column = sst_mem_alloc_raw(each * width * views * views, sizeof(*a.column));
-    a.agreeing = sst_mem_alloc_raw(each * width * views, sizeof(*a.agreeing));
+    a.pixels = err ? NULL : calloc(views * (size_t)a.warp.bands, sizeof(*a.pixels));
     a.tally = calloc((size_t)camera->height / BAND_ROWS + 1, sizeof(*a.tally));
-    if (!err &&
-        !(a.rows && a.level && a.mean && a.inverse && a.seen && a.sum && a.count && a.column && a.agreeing && a.tally))
+    if (!err && !(a.rows && a.worker && a.level && a.seen && a.pixels && a.tally))
         err = -ENOMEM;
-    for (int i = 0; i < a.threads && !err; i++)
+    for (int i = 0; i < a.threads && !err; i++) {
         err = warp_rows_init(&a.rows[i], &a.warp);
+        err = err || rows_init(&a.worker[i], (size_t)camera->width, views) ? err : -ENOMEM;
+    }
     if (err)
         agree_fini(&a);
     else
@@ -48,30 +88,26 @@ int agree_init(struct agree *agree, const struct sst_virtual *camera, const stru
 
 void agree_fini(struct agree *agree)
 {
-    for (int i = 0; agree->rows && i < agree->threads; i++)
+    for (int i = 0; agree->rows && agree->worker && i < agree->threads; i++) {
         warp_rows_fini(&agree->rows[i]);
+        rows_fini(&agree->worker[i]);
+    }
     free(agree->rows);
+    free(agree->worker);
+    free(agree->pixels);
     free(agree->tally);
     sst_mem_free(agree->level);
-    sst_mem_free(agree->mean);
-    sst_mem_free(agree->inverse);
     sst_mem_free(agree->seen);
-    sst_mem_free(agree->sum);
-    sst_mem_free(agree->count);
-    sst_mem_free(agree->column);
-    sst_mem_free(agree->agreeing);
     warp_fini(&agree->warp);
     *agree = (struct agree){ 0 };
 }
 
-/* Levels of all views in the rows of one band of the warp, in standard deviations of each picture. */
+/* Levels of all views in the rows of one band of the warp. */
 static int sample_band(void *arg, int band, int worker)
 {
     struct agree *a = arg;
-    const struct sst_kernels *kernels = sst_kernels_get();
     const int width = a->warp.camera.width, height = a->warp.camera.height;
-    uint32_t *sum = a->sum + (size_t)worker * (size_t)width;
-    uint16_t *count = a->count + (size_t)worker * (size_t)width;
+    const int count = sst_min_int(WARP_CELL, height - band * WARP_CELL);
     struct warp_rows *rows = &a->rows[worker];
 
     for (int k = 0; k < a->greys->count; k++) {
@@ -79,164 +115,181 @@ static int sample_band(void *arg, int band, int worker)
         const struct sst_warped_source from = warp_source(picture);
         const struct warp_view view =
             warp_view_of(&a->warp.camera, &a->greys->camera[k], picture->width, picture->height);
+        const size_t at = ((size_t)k * (size_t)height + (size_t)(band * WARP_CELL)) * (size_t)width;
+        int pixels = 0;
 
         warp_band(rows, &a->warp, &view, band);
-        for (int r = 0; r < WARP_CELL && band * WARP_CELL + r < height; r++) {
-            const size_t at = ((size_t)k * (size_t)height + (size_t)(band * WARP_CELL + r)) * (size_t)width;
-
-            memset(sum, 0, (size_t)width * sizeof(*sum));
-            memset(count, 0, (size_t)width * sizeof(*count));
-            kernels->warped_row((uint32_t *const[3]){ sum }, count, &from, rows->segment[r], (size_t)rows->segments[r]);
-            for (int x = 0; x < width; x++) {
-                const float level = (float)(int32_t)(sum[x] - (32768u << SST_WARPED_SHIFT));
-
-                a->level[at + (size_t)x] = count[x] ? level * (1.0f / (GREY_SPREAD << SST_WARPED_SHIFT)) : 0;
-                a->seen[at + (size_t)x] = (uint8_t)count[x];
-            }
+        for (int r = 0; r < count; r++) {
+            for (int i = 0; i < rows->segments[r]; i++)
+                pixels += rows->segment[r][i].n;
         }
+        if (pixels < count * width) {
+            memset(a->level + at, 0, (size_t)(count * width) * sizeof(*a->level));
+            memset(a->seen + at, 0, (size_t)(count * width));
+        }
+        a->pixels[k * a->warp.bands + band] = pixels;
+        for (int r = 0; r < count; r++)
+            sst_kernels_get()->level_row(a->level + at + (size_t)(r * width), a->seen + at + (size_t)(r * width), &from,
+                                         rows->segment[r], (size_t)rows->segments[r]);
     }
     return 0;
 }
 
-/* out[x] = sum of in[x - RADIUS .. x + RADIUS], for RADIUS <= x < width - RADIUS. */
-static void sum_across(float *restrict out, const float *restrict in, int width)
+/* Views that see any pixel of rows from .. to - 1. */
+static void choose_views(struct agree_rows *r, const struct agree *a, int from, int to)
 {
-    for (int x = RADIUS; x < width - RADIUS; x++)
-        out[x] = in[x - 3] + in[x - 2] + in[x - 1] + in[x] + in[x + 1] + in[x + 2] + in[x + 3];
-}
-
-/* Mean and 1 / standard deviation of the windows of a row, of all views; 0 where a window is not wholly seen. */
-static int window_row(void *arg, int y, int worker)
-{
-    struct agree *a = arg;
-    const int width = a->warp.camera.width, height = a->warp.camera.height;
-    float *column = a->column + (size_t)worker * (size_t)width * (size_t)(a->greys->count * a->greys->count);
-
+    r->views = 0;
     for (int k = 0; k < a->greys->count; k++) {
-        const size_t at = ((size_t)k * (size_t)height + (size_t)y) * (size_t)width;
-        float *squares = column + width;
-        uint16_t *whole = a->count + (size_t)worker * (size_t)width;
-        int run = 0;
+        int pixels = 0, all = 0;
 
-        memset(a->inverse + at, 0, (size_t)width * sizeof(*a->inverse));
-        memset(a->mean + at, 0, (size_t)width * sizeof(*a->mean));
-        if (y < RADIUS || y >= height - RADIUS)
-            continue;
-        memset(column, 0, 2 * (size_t)width * sizeof(*column));
-        memset(whole, 0, (size_t)width * sizeof(*whole));
-        for (int dy = -RADIUS; dy <= RADIUS; dy++) {
-            const float *level = a->level + at + dy * (ptrdiff_t)width;
-            const uint8_t *seen = a->seen + at + dy * (ptrdiff_t)width;
-
-            for (int x = 0; x < width; x++) {
-                column[x] += level[x];
-                squares[x] += level[x] * level[x];
-                whole[x] = (uint16_t)(whole[x] + seen[x]);
-            }
+        for (int band = from / WARP_CELL; band * WARP_CELL < to; band++) {
+            pixels += a->pixels[k * a->warp.bands + band];
+            all += a->warp.camera.width * sst_min_int(WARP_CELL, a->warp.camera.height - band * WARP_CELL);
         }
-        for (int x = 0; x < width; x++) {
-            float sum = 0, square = 0;
-
-            run = whole[x] == 2 * RADIUS + 1 ? run + 1 : 0;
-            if (run < 2 * RADIUS + 1)
-                continue;
-            for (int i = x - 2 * RADIUS; i <= x; i++) {
-                sum += column[i];
-                square += squares[i];
-            }
-            sum /= AREA;
-            a->mean[at + (size_t)(x - RADIUS)] = sum;
-            a->inverse[at + (size_t)(x - RADIUS)] = 1 / sqrtf(fmaxf(square / AREA - sum * sum, 0) + FLOOR);
-        }
-    }
-    return 0;
-}
-
-/* Pixels at which the windows of two views agree, added to the counts of both. */
-static void compare_row(uint8_t *restrict first, uint8_t *restrict second, const struct agree *a, const float *across,
-                        const size_t at[2])
-{
-    const float *mean[2] = { a->mean + at[0], a->mean + at[1] };
-    const float *inverse[2] = { a->inverse + at[0], a->inverse + at[1] };
-
-    for (int x = RADIUS; x < a->warp.camera.width - RADIUS; x++) {
-        const float both = across[x] * (1.0f / AREA) - mean[0][x] * mean[1][x];
-        const uint8_t agrees = both * inverse[0][x] * inverse[1][x] > ENOUGH;
-
-        first[x] = (uint8_t)(first[x] + agrees);
-        second[x] = (uint8_t)(second[x] + agrees);
+        r->all[r->views] = pixels == all;
+        r->view[r->views] = k;
+        r->views += pixels > 0;
     }
 }
 
-/* Column sums of the products of two views, moved from row y - 1 to row y. */
-static void move_column(float *restrict column, const struct agree *a, const size_t at[2], bool fresh)
+/* Rows that column sums of a view gain and lose. @param first  nothing is lost */
+static void moved_rows(const int16_t *row[2], const struct agree *a, const struct agree_rows *r, int i, int y,
+                       bool first)
 {
-    const int width = a->warp.camera.width;
-    const ptrdiff_t reach = RADIUS * (ptrdiff_t)width;
+    const ptrdiff_t width = a->warp.camera.width;
 
-    if (fresh) {
-        memset(column, 0, (size_t)width * sizeof(*column));
-        for (ptrdiff_t from = -reach; from <= reach; from += width) {
-            const float *p = a->level + at[0] + from, *q = a->level + at[1] + from;
+    row[0] = a->level + ((ptrdiff_t)r->view[i] * a->warp.camera.height + y) * width;
+    row[1] = first ? r->zero : row[0] - SST_WINDOW * width;
+}
 
-            for (int x = 0; x < width; x++)
-                column[x] += p[x] * q[x];
+/* Column sums of a view, and of a pair's products, moved to rows up to y. */
+static void move_sums(const struct agree *a, struct agree_rows *r, int i, int y, bool first)
+{
+    const size_t width = (size_t)a->warp.camera.width;
+    int32_t *sum = r->sum + (size_t)i * 2 * width;
+    const int16_t *row[2];
+
+    moved_rows(row, a, r, i, y, first);
+    sst_kernels_get()->window_squares(sum, sum + width, row, width);
+}
+
+static void move_products(int32_t *products, const struct agree *a, const struct agree_rows *r, const int pair[2], int y,
+                          bool first)
+{
+    const int16_t *row[2], *other[2];
+
+    moved_rows(row, a, r, pair[0], y, first);
+    moved_rows(other, a, r, pair[1], y, first);
+    sst_kernels_get()->window_products(products, row, other, (size_t)a->warp.camera.width);
+}
+
+/* Windows around the pixels of row y that each view sees. */
+static void measure_row(const struct agree *a, struct agree_rows *r, int y)
+{
+    const size_t width = (size_t)a->warp.camera.width, n = width - 2 * RADIUS;
+    int all = 0;
+
+    for (int i = 0; i < r->views; i++)
+        all += r->all[i];
+    memset(r->whole, all, width);
+    for (int i = 0; i < r->views; i++) {
+        const uint8_t *seen =
+            a->seen + ((size_t)r->view[i] * (size_t)a->warp.camera.height + (size_t)(y - RADIUS)) * width;
+        const int32_t *sum = r->sum + (size_t)i * 2 * width;
+        struct sst_window_sums in = { sum, sum + width, { NULL, NULL }, FLOOR };
+        const float *inverse = r->inverse + (size_t)i * width;
+
+        for (size_t k = 0; k < 2 && !r->all[i]; k++)
+            in.seen[k] = seen + 2 * RADIUS * width * k;
+        sst_kernels_get()->window_stats(r->mean + (size_t)i * width, r->inverse + (size_t)i * width, &in, n);
+        for (size_t x = 0; x < n && !r->all[i]; x++)
+            r->whole[x] = (uint8_t)(r->whole[x] + (inverse[x] > 0));
+    }
+}
+
+/* How many other views agree with each view around the pixels of row y. */
+static void compare_row(const struct agree *a, struct agree_rows *r, int y, bool first)
+{
+    const size_t width = (size_t)a->warp.camera.width;
+    int32_t *products = r->products;
+
+    for (int i = 0; i < r->views; i++)
+        move_sums(a, r, i, y + RADIUS, first);
+    measure_row(a, r, y);
+    memset(r->agreeing, 0, width * (size_t)a->greys->count);
+    for (int i = 0; i < r->views; i++) {
+        for (int j = i + 1; j < r->views; j++, products += width) {
+            const size_t at[2] = { (size_t)i * width, (size_t)j * width };
+            const struct sst_window_pair pair = {
+                { r->mean + at[0], r->mean + at[1] }, { r->inverse + at[0], r->inverse + at[1] }, products, ENOUGH
+            };
+
+            move_products(products, a, r, (const int[2]){ i, j }, y + RADIUS, first);
+            sst_kernels_get()->window_agree(r->agreeing + at[0], r->agreeing + at[1], &pair, width - 2 * RADIUS);
         }
-    } else {
-        const float *p = a->level + at[0] + reach, *q = a->level + at[1] + reach;
-        const float *old_p = a->level + at[0] - reach - width, *old_q = a->level + at[1] - reach - width;
-
-        for (int x = 0; x < width; x++)
-            column[x] += p[x] * q[x] - old_p[x] * old_q[x];
     }
 }
 
 /* Counts of one row as a tally. */
-static void add_tally(struct agree_tally *tally, int32_t *tile, const struct agree *a, const uint8_t *agreeing,
-                      size_t y)
+static void add_tally(struct agree_tally *tally, int32_t *tile, const struct agree *a, const struct agree_rows *r)
 {
-    const size_t width = (size_t)a->warp.camera.width, plane = width * (size_t)a->warp.camera.height;
+    const size_t width = (size_t)a->warp.camera.width;
     const int least = sst_min_int(3, a->greys->count - 1); /* others that agree */
+    int32_t score[UINT8_MAX + 1] = { 0 };
 
-    for (size_t x = RADIUS; x + RADIUS < width; x++) {
-        int seen = 0, most = 0;
+    memset(r->most, 0, width);
+    for (int k = 0; k < a->greys->count; k++) {
+        const uint8_t *agreeing = r->agreeing + (size_t)k * width;
 
-        for (int k = 0; k < a->greys->count; k++) {
-            seen += a->inverse[(size_t)k * plane + y * width + x] > 0;
-            most = sst_max_int(most, agreeing[(size_t)k * width + x]);
+        for (size_t x = 0; x < width; x++)
+            r->most[x] = r->most[x] > agreeing[x] ? r->most[x] : agreeing[x];
+    }
+    for (int most = least; most < a->greys->count; most++) {
+        const int cube = (most - least + 1) * (most - least + 1) * (most - least + 1);
+
+        score[most] = cube * cube;
+    }
+    for (size_t x = 0; x + 2 * RADIUS < width; x++) {
+        tally->seen += r->whole[x] > least;
+        tally->four += r->most[x] >= least;
+        tally->six += r->most[x] >= 5;
+        tile[(x + RADIUS) / BAND_ROWS] += score[r->most[x]];
+    }
+}
+
+/* Column sums of the rows around the first one but for its last. */
+static void start_sums(const struct agree *a, struct agree_rows *r, int first)
+{
+    for (int y = first - RADIUS; y < first + RADIUS; y++) {
+        int32_t *products = r->products;
+
+        for (int i = 0; i < r->views; i++) {
+            move_sums(a, r, i, y, true);
+            for (int j = i + 1; j < r->views; j++, products += a->warp.camera.width)
+                move_products(products, a, r, (const int[2]){ i, j }, y, true);
         }
-        tally->seen += seen > least;
-        tally->four += most >= least;
-        tally->six += most >= 5;
-        most = most >= least ? (most - least + 1) * (most - least + 1) * (most - least + 1) : 0;
-        tile[x / BAND_ROWS] += most * most;
     }
 }
 
 static int compare_band(void *arg, int band, int worker)
 {
     struct agree *a = arg;
-    const int n = a->greys->count;
-    const size_t width = (size_t)a->warp.camera.width, height = (size_t)a->warp.camera.height;
-    float *column = a->column + (size_t)worker * width * (size_t)(n * n);
-    float *across = column + (size_t)(n * n - 1) * width; /* fewer than n * n - 1 pairs: the last is free */
-    uint8_t *agreeing = a->agreeing + (size_t)worker * width * (size_t)n;
-    const size_t first = sst_max_int(band * BAND_ROWS, RADIUS);
+    const int height = a->warp.camera.height, first = sst_max_int(band * BAND_ROWS, RADIUS);
+    const int end = sst_min_int((band + 1) * BAND_ROWS, height - RADIUS);
+    const size_t width = (size_t)a->warp.camera.width;
+    struct agree_rows *r = &a->worker[worker];
     int32_t tile[SST_IMAGE_MAX_SIDE / BAND_ROWS] = { 0 };
     struct agree_tally tally = { 0 };
 
-    for (size_t y = first; y < (size_t)(band + 1) * BAND_ROWS && y + RADIUS < height; y++) {
-        memset(agreeing, 0, width * (size_t)n);
-        for (int i = 0, pair = 0; i < n; i++) {
-            for (int j = i + 1; j < n; j++, pair++) {
-                const size_t at[2] = { ((size_t)i * height + y) * width, ((size_t)j * height + y) * width };
-
-                move_column(column + (size_t)pair * width, a, at, y == first);
-                sum_across(across, column + (size_t)pair * width, (int)width);
-                compare_row(agreeing + (size_t)i * width, agreeing + (size_t)j * width, a, across, at);
-            }
-        }
-        add_tally(&tally, tile, a, agreeing, y);
+    if (first < end && width > 2 * RADIUS) {
+        memset(r->products, 0, width * (size_t)pair_count(a->greys->count) * sizeof(*r->products));
+        memset(r->sum, 0, width * 2 * (size_t)a->greys->count * sizeof(*r->sum));
+        choose_views(r, a, first - RADIUS, end + RADIUS);
+        start_sums(a, r, first);
+    }
+    for (int y = first; y < end && width > 2 * RADIUS; y++) {
+        compare_row(a, r, y, y == first);
+        add_tally(&tally, tile, a, r);
     }
     for (size_t i = 0; i < ARRAY_LEN(tile); i++)
         tally.spread += sqrt(tile[i]);
@@ -252,7 +305,6 @@ int agree_on(struct agree_tally *out, struct agree *agree, const struct sst_surf
 
     warp_restart(&agree->warp, surface);
     err = sst_parallel_for(agree->warp.bands, agree->threads, sample_band, agree);
-    err = err ? err : sst_parallel_for(height, agree->threads, window_row, agree);
     err = err ? err : sst_parallel_for(bands, agree->threads, compare_band, agree);
     for (int i = 0; i < bands && !err; i++) {
         all.seen += agree->tally[i].seen;

@@ -21,7 +21,6 @@
 #define STEPS        48    /* at most */
 #define HIGHEST      1.1   /* of the highest points: where the surfaces in front end */
 #define HIGHEST_SURE 0.5   /* of the distance, where no points are known */
-#define NODE         8     /* px between exact places of weights in a view */
 #define SEE_THROUGH  13    /* of 255: least weight of a ray */
 #define KNOWN_LO     0.8   /* rays in sum: below, a pixel shows the dimmed integral alone, ... */
 #define KNOWN        1.2   /* is unknown, ... */
@@ -33,12 +32,13 @@ struct job {
     const char *dir;
     const struct sst_posed_render_config *cfg;
     int least; /* weight */
+    int white; /* of the pictures; 0: none was read yet */
     int *view; /* [count] placed ones */
     int count;
     struct greys greys;
     struct layers layers;
     struct sst_map_u8 *weight; /* [count] */
-    struct sst_deep *deep[3];  /* of views in work: picture, weighted picture, weights; [threads] each */
+    bool *needed;              /* [count] seen by the camera, or compared with such a view */
 };
 
 /* --- surfaces in front, and views to compare ------------------------------------------------------------------------
@@ -174,128 +174,131 @@ static int choose_step(const struct sst_posed *posed, int compare_px)
     return greys_step(posed, sst_max_int(usual, sst_min_int(fewer, posed->width / LEAST_PX)));
 }
 
+/* Views that the camera sees, and those that they are compared with. */
+static int choose_views(struct job *j, int threads)
+{
+    int err = layer_cells_find(j->layers.seen, &j->greys, &j->cfg->camera, &j->cfg->surface, threads);
+
+    if (err)
+        sst_log_error("no memory for the parts of %d views that the camera sees", j->count);
+    for (int k = 0; k < j->count && !err; k++) {
+        if (!j->layers.seen[k].cell)
+            continue;
+        j->needed[k] = true;
+        for (int i = 0; i < LAYER_OTHERS && j->layers.other[k][i] >= 0; i++)
+            j->needed[j->layers.other[k][i]] = true;
+    }
+    return err;
+}
+
 static int weigh_view(void *arg, int index, int worker SST_UNUSED)
 {
     struct job *j = arg;
 
+    if (!j->layers.seen[index].cell)
+        return 0;
     return layers_weigh(&j->weight[index], &j->layers, index);
 }
 
-/* --- weighted pictures ----------------------------------------------------------------------------------------------
+/* --- sums -----------------------------------------------------------------------------------------------------------
  */
 
-/* Weight at a place of the map of weights, bilinear; the border goes on. */
-static double weight_at(const struct sst_map_u8 *map, double x, double y)
-{
-    const double u = fmin(fmax(x, 0), map->width - 1), v = fmin(fmax(y, 0), map->height - 1); /* also if no number */
-    const int i = sst_min_int((int)u, sst_max_int(map->width - 2, 0)),
-              j = sst_min_int((int)v, sst_max_int(map->height - 2, 0));
-    const int right = map->width > 1, below = map->height > 1;
-    const uint8_t *a = sst_map_u8_row(map, j) + i, *b = sst_map_u8_row(map, j + below) + i;
-
-    return (1 - (v - j)) * ((1 - (u - i)) * a[0] + (u - i) * a[right]) +
-           (v - j) * ((1 - (u - i)) * b[0] + (u - i) * b[right]);
-}
-
-/* Place of a view's pixel in its map of weights, which has no distortion. */
-static void weight_place(double uv[2], const struct sst_calib_camera *cam, int step, int x, int y)
-{
-    double a = (x - cam->cx) / cam->fx, b = (y - cam->cy) / cam->fy;
-
-    if (cam->lens && !sst_camera_undistort(cam, x, y, &a, &b)) {
-        a = (x - cam->cx) / cam->fx;
-        b = (y - cam->cy) / cam->fy;
-    }
-    uv[0] = (cam->fx * a + cam->cx + 0.5) / step - 0.5;
-    uv[1] = (cam->fy * b + cam->cy + 0.5) / step - 0.5;
-}
-
-static void weigh_cell(const struct job *j, int k, int worker, int x0, int y0)
-{
-    const struct sst_calib_camera *cam = &j->posed->view[j->view[k]].camera;
-    struct sst_deep *picture = &j->deep[0][worker], *weighted = &j->deep[1][worker], *weight = &j->deep[2][worker];
-    double p[4][2];
-
-    for (int i = 0; i < 4; i++)
-        weight_place(p[i], cam, j->greys.step, x0 + i % 2 * NODE, y0 + i / 2 * NODE);
-    for (int y = y0; y < y0 + NODE && y < picture->height; y++) {
-        for (int x = x0; x < x0 + NODE && x < picture->width; x++) {
-            const double fx = (double)(x - x0) / NODE, fy = (double)(y - y0) / NODE;
-            double uv[2];
-            uint32_t w;
-
-            for (int i = 0; i < 2; i++)
-                uv[i] = (1 - fy) * ((1 - fx) * p[0][i] + fx * p[1][i]) + fy * ((1 - fx) * p[2][i] + fx * p[3][i]);
-            w = (uint32_t)sst_max_int((int)(weight_at(&j->weight[k], uv[0], uv[1]) + 0.5), j->least);
-            sst_map_u16_row(&weight->plane[0], y)[x] = (uint16_t)w;
-            for (int c = 0; c < picture->channels; c++) {
-                const uint32_t level = sst_map_u16_row(&picture->plane[c], y)[x];
-
-                sst_map_u16_row(&weighted->plane[c], y)[x] =
-                    (uint16_t)(picture->white == 255 ? level * w : (level * w + 127) / 255);
-            }
-        }
-    }
-}
-
-struct read_job {
+/* Some views at once. */
+struct chunk {
     struct job *job;
-    int first;
+    int n, *index; /* [n] of the job's views */
+    struct sst_deep *picture;
+    struct sst_map_u16 *weight;
+    struct weighted_view *view;
 };
 
-static int read_weighted(void *arg, int index, int worker SST_UNUSED)
+static int prepare_view(void *arg, int index, int worker SST_UNUSED)
 {
-    const struct read_job *read = arg;
-    struct job *j = read->job;
-    const int k = read->first + index;
+    const struct chunk *chunk = arg;
+    struct job *j = chunk->job;
+    const int k = chunk->index[index];
+    struct weighted_view *v = &chunk->view[index];
     int err = 0;
 
     if (j->greys.kept) {
-        j->deep[0][index] = j->greys.kept[k];
+        chunk->picture[index] = j->greys.kept[k];
         j->greys.kept[k] = (struct sst_deep){ 0 };
     } else {
-        err = sst_posed_picture(&j->deep[0][index], j->posed, j->dir, j->view[k]);
+        err = sst_posed_picture(&chunk->picture[index], j->posed, j->dir, j->view[k]);
     }
     if (err)
         return err;
-    err = sst_deep_init(&j->deep[1][index], j->posed->width, j->posed->height, j->posed->channels, UINT16_MAX);
-    err = err ? err : sst_deep_init(&j->deep[2][index], j->posed->width, j->posed->height, 1, UINT16_MAX);
-    if (err) {
+    *v = (struct weighted_view){ .picture = &chunk->picture[index],
+                                 .weight = &chunk->weight[index],
+                                 .places = j->cfg->places,
+                                 .view = j->view[k],
+                                 .warp = warp_view_of(&j->cfg->camera, &j->posed->view[j->view[k]].camera,
+                                                      j->posed->width, j->posed->height) };
+    err = weights_in_picture(&chunk->weight[index], &j->weight[k], &j->greys.camera[k], j->least);
+    if (err)
         sst_log_error("no memory for the weights of %d views", j->count);
-        return err;
-    }
-    for (int y = 0; y < j->posed->height; y += NODE) {
-        for (int x = 0; x < j->posed->width; x += NODE)
-            weigh_cell(j, k, index, x, y);
+    return err;
+}
+
+/* @return -EINVAL: a picture that these sums may not have; logged */
+static int check_chunk(const struct chunk *chunk)
+{
+    struct job *j = chunk->job;
+
+    for (int i = 0; i < chunk->n; i++) {
+        const struct sst_deep *picture = &chunk->picture[i];
+
+        if (picture->channels != j->posed->channels || picture->width != j->posed->width ||
+            picture->height != j->posed->height || (j->white && picture->white != j->white)) {
+            sst_log_error("%s: views have other sizes, channels or levels than the light field", j->dir);
+            return -EINVAL;
+        }
+        j->white = picture->white;
     }
     return 0;
 }
 
-/* Sums of pictures, weighted pictures and weights. */
-static int add_views(struct sst_integral *sum[3], struct job *j, int threads)
+static int add_chunk(struct weighted *sums, struct chunk *chunk, int threads)
 {
+    int err = sst_parallel_for(chunk->n, threads, prepare_view, chunk);
+
+    err = err ? err : check_chunk(chunk);
+    err = err ? err : weighted_add(sums, chunk->view, chunk->n, chunk->job->greys.step);
+    for (int i = 0; i < chunk->n; i++) {
+        sst_deep_fini(&chunk->picture[i]);
+        sst_map_u16_fini(&chunk->weight[i]);
+    }
+    chunk->n = 0;
+    return err;
+}
+
+/* Add the views that the camera sees: all at once if they are kept, else as many as there are threads. */
+static int add_views(struct weighted *sums, struct job *j, int threads)
+{
+    const int most = j->greys.kept ? j->count : threads;
+    struct chunk chunk = { .job = j };
     int err = 0;
 
-    for (int first = 0; first < j->count && !err; first += threads) {
-        const int n = sst_min_int(threads, j->count - first);
-        struct read_job read = { j, first };
-
-        err = sst_parallel_for(n, threads, read_weighted, &read);
-        for (int k = 0; k < n; k++) {
-            const struct sst_calib_camera *cam = &j->posed->view[j->view[first + k]].camera;
-
-            for (int i = 0; i < 3 && !err; i++) {
-                const struct sst_deep *deep = &j->deep[i][k];
-
-                err = j->cfg->places ? sst_integral_add_at(sum[i], j->cfg->places, &j->view[first + k], &deep, 1)
-                                     : sst_integral_add(sum[i], &cam, &deep, 1);
-                if (err)
-                    sst_log_error("%s: views have other channels or levels than the light field, or no memory", j->dir);
-            }
-            for (int i = 0; i < 3; i++)
-                sst_deep_fini(&j->deep[i][k]);
-        }
+    chunk.index = calloc((size_t)most, sizeof(*chunk.index));
+    chunk.picture = calloc((size_t)most, sizeof(*chunk.picture));
+    chunk.weight = calloc((size_t)most, sizeof(*chunk.weight));
+    chunk.view = calloc((size_t)most, sizeof(*chunk.view));
+    if (!chunk.index || !chunk.picture || !chunk.weight || !chunk.view) {
+        sst_log_error("no memory for the weights of %d views", j->count);
+        err = -ENOMEM;
     }
+    for (int k = 0; k < j->count && !err; k++) {
+        if (!j->layers.seen[k].cell)
+            continue;
+        chunk.index[chunk.n++] = k;
+        if (chunk.n == most)
+            err = add_chunk(sums, &chunk, threads);
+    }
+    err = err || !chunk.n ? err : add_chunk(sums, &chunk, threads);
+    free(chunk.index);
+    free(chunk.picture);
+    free(chunk.weight);
+    free(chunk.view);
     return err;
 }
 
@@ -309,86 +312,114 @@ static double smooth(double v, double lo, double hi)
     return t * t * (3 - 2 * t);
 }
 
-/* Rays in sum of each pixel; of clear pictures, without specks. */
-static int sum_rays(struct sst_map_f32 *rays, const struct sst_map_f32 *weight, const struct sst_map_u16 *views,
-                    const struct job *j)
+struct finish_job {
+    struct sst_posed_rendered *out;
+    const struct weighted *sums;
+    const struct job *job;
+    struct sst_deep plain;
+    struct sst_map_f32 rays;
+};
+
+/* The integral, and rays in sum, of a row. */
+static int start_row(void *arg, int y, int worker SST_UNUSED)
 {
-    int err = sst_map_f32_init(rays, weight->width, weight->height);
+    const struct finish_job *f = arg;
+    const struct weighted *sums = f->sums;
+    const size_t width = (size_t)sums->warp.camera.width, at = (size_t)y * width;
+    float *rays = sst_map_f32_row(&f->rays, y);
 
-    for (int y = 0; y < weight->height && !err; y++) {
-        for (int x = 0; x < weight->width; x++) {
-            const float w = sst_map_f32_row(weight, y)[x];
+    for (int c = 0; c < sums->channels; c++) {
+        uint16_t *row = sst_map_u16_row(&f->plain.plane[c], y);
 
-            sst_map_f32_row(rays, y)[x] = isnan(w) ? 0 : w * (float)sst_map_u16_row(views, y)[x] / 255;
+        for (size_t x = 0; x < width; x++) {
+            const uint32_t n = (uint32_t)sums->count[at + x] << SST_WARPED_SHIFT;
+
+            row[x] = (uint16_t)(n ? ((uint64_t)sums->sum[c][at + x] + n / 2) / n : 0);
         }
     }
-    if (!err && j->cfg->method == SST_POSED_CLEAR)
-        err = specks_remove(rays, (const float[2]){ (float)KNOWN_LO, (float)KNOWN_HI }, LAYER_WINDOW * j->greys.step);
-    return err;
+    for (size_t x = 0; x < width; x++)
+        rays[x] = (float)sums->weight[at + x] * (1.0f / (255 * WEIGHT_ONE << SST_WARPED_SHIFT));
+    memcpy(sst_map_u16_row(&f->out->views, y), sums->count + at, width * sizeof(*sums->count));
+    return 0;
 }
 
 /* Means of weighted rays; of clear pictures, levels of unknown pixels become the dimmed integral, and means NAN. */
-static int finish(struct sst_posed_rendered *out, struct sst_integral *const sum[3], const struct job *j)
+static int finish_row(void *arg, int y, int worker SST_UNUSED)
 {
-    const bool clear = j->cfg->method == SST_POSED_CLEAR;
-    struct sst_map_f32 weight = { 0 }, rays = { 0 };
-    struct sst_deep plain = { 0 };
-    int err = sst_integral_levels(&plain, sum[0]);
-    double scale;
+    const struct finish_job *f = arg;
+    const struct weighted *sums = f->sums;
+    const bool clear = f->job->cfg->method == SST_POSED_CLEAR;
+    const size_t width = (size_t)sums->warp.camera.width, at = (size_t)y * width;
+    const double black = f->out->stretch.black, white = f->plain.white;
+    const float *rays = sst_map_f32_row(&f->rays, y);
+    uint16_t *views = sst_map_u16_row(&f->out->views, y);
 
-    err = err ? err : sst_integral_means(&weight, sum[2], 0);
-    err = err ? err : sst_integral_views(&out->views, sum[2]);
-    err = err ? err : sum_rays(&rays, &weight, &out->views, j);
-    out->seen = !err && posed_any(&out->views);
-    err = err ? err : posed_stretch(&out->stretch, &plain, &out->views);
-    err = err ? err : sst_deep_init(&out->levels, plain.width, plain.height, plain.channels, plain.white);
-    scale = plain.white == 255 ? 1 : 255;
-    for (int c = 0; c < plain.channels && !err; c++) {
-        err = sst_integral_means(&out->mean[c], sum[1], c);
-        for (int i = 0; i < plain.height * plain.width && !err; i++) {
-            const int y = i / plain.width, x = i % plain.width;
-            float *mean = sst_map_f32_row(&out->mean[c], y) + x;
-            const double w = (double)sst_map_f32_row(&weight, y)[x], black = out->stretch.black;
-            const double r = (double)sst_map_f32_row(&rays, y)[x], all = sst_map_u16_row(&plain.plane[c], y)[x];
+    for (int c = 0; c < sums->channels; c++) {
+        const uint16_t *plain = sst_map_u16_row(&f->plain.plane[c], y);
+        uint16_t *level = sst_map_u16_row(&f->out->levels.plane[c], y);
+        float *mean = sst_map_f32_row(&f->out->mean[c], y);
+
+        for (size_t x = 0; x < width; x++) {
+            const double r = (double)rays[x], all = plain[x], w = sums->weight[at + x];
             const double known = clear ? smooth(r, KNOWN_LO, KNOWN_HI) : 1, grey = black + DIM * (all - black);
             double shown;
 
-            if (isnan(w))
-                continue; /* no view sees it: level 0, mean NAN */
-            shown = w > 0 ? scale * (double)*mean / w : all; /* of a dot that no ray reaches: all rays' */
-            *mean = clear && r < KNOWN ? NAN : (float)shown;
-            sst_map_u16_row(&out->levels.plane[c], y)[x] = (uint16_t)sst_clamp_double(
-                (double)(float)(known > 0 ? known * shown + (1 - known) * grey : grey) + 0.5, 0, plain.white);
+            if (!views[x]) { /* no view sees it: level 0 */
+                mean[x] = NAN;
+                continue;
+            }
+            /* Of a dot that no ray reaches: all rays'. */
+            shown = w > 0 ? (double)sums->weighted[c][at + x] / ((1 << SST_WARPED_SHIFT) * w) : all;
+            mean[x] = clear && r < KNOWN ? NAN : (float)shown;
+            level[x] = (uint16_t)sst_clamp_double(
+                (double)(float)(known > 0 ? known * shown + (1 - known) * grey : grey) + 0.5, 0, white);
         }
     }
-    for (int i = 0; clear && !err && i < plain.height * plain.width; i++) {
-        uint16_t *n = sst_map_u16_row(&out->views, i / plain.width) + i % plain.width;
-        const double r = (double)sst_map_f32_row(&rays, i / plain.width)[i % plain.width];
+    for (size_t x = 0; clear && x < width; x++) {
+        const double r = (double)rays[x];
 
-        if (*n)
-            *n = (uint16_t)(r < KNOWN ? 0 : r + 0.5);
+        if (views[x])
+            views[x] = (uint16_t)(r < KNOWN ? 0 : r + 0.5);
     }
+    return 0;
+}
+
+static int finish(struct sst_posed_rendered *out, const struct weighted *sums, const struct job *j, int white)
+{
+    const struct sst_virtual *camera = &sums->warp.camera;
+    const int width = camera->width, height = camera->height;
+    struct finish_job f = { .out = out, .sums = sums, .job = j };
+    int err = sst_deep_init(&f.plain, width, height, sums->channels, white);
+
+    err = err ? err : sst_map_f32_init(&f.rays, width, height);
+    err = err ? err : sst_map_u16_init(&out->views, width, height);
+    err = err ? err : sst_parallel_for(height, sums->threads, start_row, &f);
+    if (!err && j->cfg->method == SST_POSED_CLEAR)
+        err =
+            specks_remove(&f.rays, (const float[2]){ (float)KNOWN_LO, (float)KNOWN_HI }, LAYER_WINDOW * j->greys.step);
+    out->seen = !err && posed_any(&out->views);
+    err = err ? err : posed_stretch(&out->stretch, &f.plain, &out->views);
+    err = err ? err : sst_deep_init(&out->levels, width, height, sums->channels, white);
+    for (int c = 0; c < sums->channels && !err; c++)
+        err = sst_map_f32_init(&out->mean[c], width, height);
+    err = err ? err : sst_parallel_for(height, sums->threads, finish_row, &f);
     if (err)
-        sst_log_error("no memory for a picture of %d x %d", j->cfg->camera.width, j->cfg->camera.height);
-    sst_map_f32_fini(&rays);
-    sst_map_f32_fini(&weight);
-    sst_deep_fini(&plain);
+        sst_log_error("no memory for a picture of %d x %d", width, height);
+    sst_map_f32_fini(&f.rays);
+    sst_deep_fini(&f.plain);
     return err;
 }
 
 static int render(struct sst_posed_rendered *out, struct job *j, int threads)
 {
-    struct sst_integral *sum[3] = { NULL };
-    int err = 0;
+    struct weighted sums = { 0 };
+    int err = weighted_init(&sums, &j->cfg->camera, &j->cfg->surface, j->posed->channels, threads);
 
-    for (int i = 0; i < 3 && !err; i++)
-        err = sst_integral_create(&sum[i], &j->cfg->camera, &j->cfg->surface, i < 2 ? j->posed->channels : 1, threads);
     if (err)
         sst_log_error("no memory for a picture of %d x %d", j->cfg->camera.width, j->cfg->camera.height);
-    err = err ? err : add_views(sum, j, threads);
-    err = err ? err : finish(out, sum, j);
-    for (int i = 0; i < 3; i++)
-        sst_integral_destroy(sum[i]);
+    err = err ? err : add_views(&sums, j, threads);
+    err = err ? err : finish(out, &sums, j, j->white ? j->white : UINT16_MAX);
+    weighted_fini(&sums);
     return err;
 }
 
@@ -406,10 +437,10 @@ int render_weighted(struct sst_posed_rendered *out, const struct sst_posed *pose
 
     j.view = calloc(views, sizeof(*j.view));
     j.weight = calloc(views, sizeof(*j.weight));
+    j.needed = calloc(views, sizeof(*j.needed));
     j.layers.other = calloc(views, sizeof(*j.layers.other));
-    for (int i = 0; i < 3; i++)
-        j.deep[i] = calloc((size_t)threads, sizeof(*j.deep[i]));
-    if (!j.view || !j.weight || !j.layers.other || !j.deep[0] || !j.deep[1] || !j.deep[2]) {
+    j.layers.seen = calloc(views, sizeof(*j.layers.seen));
+    if (!j.view || !j.weight || !j.needed || !j.layers.other || !j.layers.seen) {
         sst_log_error("no memory for the weights of %d views", posed->count);
         err = -ENOMEM;
     }
@@ -423,21 +454,27 @@ int render_weighted(struct sst_posed_rendered *out, const struct sst_posed *pose
     }
     j.greys.count = j.count;
     j.greys.keep = 2.0 * j.count * posed->width * posed->height * posed->channels <= KEEP_BYTES;
-    err = err ? err : greys_read(&j.greys, posed, dir, j.view, threads);
+    j.greys.needed = j.needed;
+    err = err ? err : warp_check_size(posed, dir);
+    err = err ? err : greys_cameras(&j.greys, posed, j.view);
     err = err ? err : prepare_layers(&j);
+    err = err ? err : choose_views(&j, threads);
+    err = err ? err : greys_read(&j.greys, posed, dir, j.view, threads);
     if (!err) {
         err = sst_parallel_for(j.count, threads, weigh_view, &j);
         if (err)
             sst_log_error("no memory to compare %d views", j.count);
     }
     err = err ? err : render(out, &j, threads);
-    for (int i = 0; i < j.count; i++)
+    for (int i = 0; i < j.count; i++) {
         sst_map_u8_fini(&j.weight[i]);
+        free(j.layers.seen[i].cell);
+    }
     greys_fini(&j.greys);
-    for (int i = 0; i < 3; i++)
-        free(j.deep[i]);
     free(j.weight);
+    free(j.needed);
     free(j.layers.other);
+    free(j.layers.seen);
     free(j.view);
     return err;
 }

@@ -68,7 +68,11 @@ static int read_grey(void *arg, int index, int worker SST_UNUSED)
 {
     const struct grey_job *job = arg;
     struct sst_deep deep = { 0 };
-    int err = sst_posed_picture(&deep, job->posed, job->dir, job->view[index]);
+    int err;
+
+    if (job->greys->needed && !job->greys->needed[index])
+        return 0;
+    err = sst_posed_picture(&deep, job->posed, job->dir, job->view[index]);
 
     if (!err) {
         err = make_grey(&job->greys->picture[index], &deep, job->greys->step);
@@ -87,19 +91,13 @@ int greys_step(const struct sst_posed *posed, int step)
     return sst_clamp_int(step, 1, sst_max_int(1, sst_min_int(posed->width, posed->height) / LEAST_SIDE));
 }
 
-int greys_read(struct greys *out, const struct sst_posed *posed, const char *dir, const int view[], int threads)
+int greys_cameras(struct greys *out, const struct sst_posed *posed, const int view[])
 {
-    struct grey_job job = { out, posed, dir, view };
-    int err = warp_check_size(posed, dir);
-
-    if (err)
-        return err;
-    out->picture = calloc((size_t)out->count, sizeof(*out->picture));
+    out->width = posed->width / out->step;
+    out->height = posed->height / out->step;
     out->camera = calloc((size_t)out->count, sizeof(*out->camera));
-    out->kept = out->keep ? calloc((size_t)out->count, sizeof(*out->kept)) : NULL;
-    if (!out->picture || !out->camera || (out->keep && !out->kept)) {
-        sst_log_error("no memory for %d smaller pictures", out->count);
-        greys_fini(out);
+    if (!out->camera) {
+        sst_log_error("no memory for the cameras of %d smaller pictures", out->count);
         return -ENOMEM;
     }
     for (int k = 0; k < out->count; k++) {
@@ -111,7 +109,25 @@ int greys_read(struct greys *out, const struct sst_posed *posed, const char *dir
         cam->cx = (cam->cx + 0.5) / out->step - 0.5;
         cam->cy = (cam->cy + 0.5) / out->step - 0.5;
     }
-    err = sst_parallel_for(out->count, sst_thread_count(threads), read_grey, &job);
+    return 0;
+}
+
+int greys_read(struct greys *out, const struct sst_posed *posed, const char *dir, const int view[], int threads)
+{
+    struct grey_job job = { out, posed, dir, view };
+    int err = warp_check_size(posed, dir);
+
+    if (!err && !out->camera)
+        err = greys_cameras(out, posed, view);
+    if (err)
+        return err;
+    out->picture = calloc((size_t)out->count, sizeof(*out->picture));
+    out->kept = out->keep ? calloc((size_t)out->count, sizeof(*out->kept)) : NULL;
+    if (!out->picture || (out->keep && !out->kept)) {
+        sst_log_error("no memory for %d smaller pictures", out->count);
+        err = -ENOMEM;
+    }
+    err = err ? err : sst_parallel_for(out->count, sst_thread_count(threads), read_grey, &job);
     if (err)
         greys_fini(out);
     return err;

@@ -256,6 +256,15 @@ void sst_integral_places_destroy(struct sst_integral_places *places)
     free(places);
 }
 
+const struct sst_warped_segment *integral_kept(const int **segments, const struct sst_integral_places *places, int view,
+                                               int band)
+{
+    const struct kept_band *kept = &places->band[view * places->warp.bands + band];
+
+    *segments = kept->segments;
+    return kept->segment;
+}
+
 int sst_integral_add_at(struct sst_integral *integral, const struct sst_integral_places *places, const int view[],
                         const struct sst_deep *const picture[], int n)
 {

@@ -58,7 +58,12 @@ struct warp {
 struct warp_rows {
     struct sst_warped_segment *segment[WARP_CELL]; /* [segments[r]], room for one a pixel */
     int segments[WARP_CELL];
-    double *lattice; /* of cell corners and the points between them */
+};
+
+/* Part of a cell: its rows by bits, and columns from .. to - 1; rows 0: none. */
+struct warp_part {
+    uint16_t rows;
+    uint8_t from, to;
 };
 
 /* @return 0, -ENOMEM; not logged */
@@ -90,6 +95,9 @@ SST_MUST_CHECK int warp_check_size(const struct sst_posed *posed, const char *di
 
 /* Segments of one band; different bands may be computed at once. */
 void warp_band(struct warp_rows *rows, struct warp *warp, const struct warp_view *view, int band);
+/* ... of parts of its cells. @param part  [warp.across]; NULL: all */
+void warp_cells(struct warp_rows *rows, struct warp *warp, const struct warp_view *view, int band,
+                const struct warp_part *part);
 
 /* --- greys: small grey pictures of a few views -----------------------------------------------------------------------
  */
@@ -98,15 +106,19 @@ void warp_band(struct warp_rows *rows, struct warp *warp, const struct warp_view
 
 struct greys {
     int count, step;                 /* step: of greys_step(). Set before greys_read() */
+    int width, height;               /* of the pictures: as greys_cameras() */
     struct sst_deep *picture;        /* [count] */
     struct sst_calib_camera *camera; /* [count] */
     bool keep;                       /* the whole pictures too: as greys_read() */
+    const bool *needed;              /* [count] others stay empty; NULL: all are needed */
     struct sst_deep *kept;           /* [count], or NULL */
 };
 
 /* Pixels of a view that one of its grey picture is wide: as many as asked for, fewer where a side is short. */
 int greys_step(const struct sst_posed *posed, int step);
 
+/* Cameras of the pictures, before these are read; greys_read() has it done. @return 0, -ENOMEM; logged */
+SST_MUST_CHECK int greys_cameras(struct greys *out, const struct sst_posed *posed, const int view[]);
 /* @return as sst_posed_picture(), -EBADMSG (as warp_check_size()), -ENOMEM; logged; then nothing is to be freed */
 SST_MUST_CHECK int greys_read(struct greys *out, const struct sst_posed *posed, const char *dir, const int view[],
                               int threads);
@@ -127,18 +139,18 @@ struct agree_tally {
     double spread;
 };
 
+struct agree_rows;
+
 struct agree {
     struct warp warp;
     struct warp_rows *rows; /* [threads] */
     const struct greys *greys;
     int threads;
-    float *level, *mean, *inverse; /* [views][height][width]: in standard deviations; of windows */
-    uint8_t *seen;                 /* [views][height][width] */
-    uint32_t *sum;                 /* [threads][width] */
-    uint16_t *count;               /* [threads][width] */
-    float *column;                 /* [threads][views * views][width]: sums of products of pairs */
-    uint8_t *agreeing;             /* [threads][views][width] */
-    struct agree_tally *tally;     /* of bands */
+    int16_t *level;            /* [views][height][width] as of kernels/windows.h; 0 where not seen */
+    uint8_t *seen;             /* [views][height][width] */
+    int *pixels;               /* [views][warp.bands] that are seen */
+    struct agree_rows *worker; /* [threads] */
+    struct agree_tally *tally; /* of bands */
 };
 
 /* @param greys  at least two; borrowed @return 0, -ENOMEM; not logged */
@@ -153,6 +165,17 @@ SST_MUST_CHECK int agree_on(struct agree_tally *out, struct agree *agree, const 
 #define LAYER_OTHERS 4 /* views that each view is compared with, at most */
 #define LAYER_WINDOW 7 /* px of the compared pictures */
 
+/* Cells of WARP_CELL px of a view's grey picture without distortion. */
+struct layer_cells {
+    int across, bands;
+    uint8_t *cell; /* [bands][across] 1: the virtual camera sees it; NULL: none */
+};
+
+/* Cells of views that see what a virtual camera sees of a surface. `out` is [greys.count], zeroed; greys_cameras() before.
+ * @return 0, -ENOMEM; not logged */
+SST_MUST_CHECK int layer_cells_find(struct layer_cells out[], const struct greys *greys, const struct sst_virtual *camera,
+                                    const struct sst_surface *surface, int threads);
+
 struct layers {
     const struct greys *greys;
     struct sst_surface surface;
@@ -160,6 +183,7 @@ struct layers {
     double step;                /* 1 / mm: between surfaces, of the inverse distance */
     int steps;                  /* surfaces in front of the given one */
     int (*other)[LAYER_OTHERS]; /* [views] by distance to the best baseline; -1: none */
+    struct layer_cells *seen;   /* [views] where weights are needed */
 };
 
 /* Height of a step's surface above the given one, mm; steps below 0 are under it. */
@@ -175,6 +199,49 @@ bool posed_any(const struct sst_map_u16 *views);
 /* Stretch of the pixels that a view sees: unseen ones repeat the one before. @return 0, -ENOMEM; not logged */
 SST_MUST_CHECK int posed_stretch(struct sst_samples *out, const struct sst_deep *levels,
                                  const struct sst_map_u16 *views);
+
+/* --- weighted: sums of weighted rays ---------------------------------------------------------------------------------
+ */
+
+#define WEIGHT_ONE 128 /* of maps of weights of 0 to 255; 1024 views of 255 * 128 * 64 stay below 2^32 */
+
+struct weighted_row;
+
+/* Sums of all views at the virtual camera's pixels; levels and weights in 1/64. */
+struct weighted {
+    struct warp warp;
+    struct weighted_row *row; /* [threads] */
+    int channels, threads;
+    uint32_t *sum[3], *weight; /* [height][width] of levels; of WEIGHT_ONE times the weights */
+    float *weighted[3];        /* of their products */
+    uint16_t *count;           /* of views */
+};
+
+/* A view to add: its places are `places`' of `view`, or computed by `warp`. */
+struct weighted_view {
+    const struct sst_deep *picture;
+    const struct sst_map_u16 *weight; /* of weights_in_picture() */
+    struct warp_view warp;
+    const struct sst_integral_places *places;
+    int view;
+};
+
+/* @return 0, -ENOMEM; not logged */
+SST_MUST_CHECK int weighted_init(struct weighted *out, const struct sst_virtual *camera,
+                                 const struct sst_surface *surface, int channels, int threads);
+void weighted_fini(struct weighted *w);
+
+/* Weights of a picture's rays, from those without distortion, with a border; at least `least`. @param cam  of the grey
+ * picture. @return 0, -ENOMEM; not logged */
+SST_MUST_CHECK int weights_in_picture(struct sst_map_u16 *out, const struct sst_map_u8 *weight,
+                                      const struct sst_calib_camera *cam, int least);
+
+/* @param step  of the grey pictures. @return 0 */
+SST_MUST_CHECK int weighted_add(struct weighted *w, const struct weighted_view view[], int n, int step);
+
+/* A band's places that are kept. @param segments  [WARP_CELL] of each row, one row after another */
+const struct sst_warped_segment *integral_kept(const int **segments, const struct sst_integral_places *places, int view,
+                                               int band);
 
 /* --- clear: pictures with weighted rays ------------------------------------------------------------------------------
  */

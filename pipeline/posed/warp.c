@@ -3,6 +3,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "base/log.h"
@@ -12,6 +13,7 @@
 #define STEP       8 /* px between the points of the lattice: cells' corners, the middles of their edges and of them */
 #define FAR_MM     1e15 /* a surface further away is none */
 #define FAR_PX     4e4  /* places further out are none */
+#define STRETCHED  (1 << 26) /* in 1/65536 px over a cell: steps are computed in 64 bits from there on */
 #define LENS_REACH 1.3  /* a lens counts up to this multiple of its picture's farthest corner */
 
 static size_t depth_count(const struct warp *w)
@@ -50,15 +52,11 @@ void warp_fini(struct warp *warp)
 
 int warp_rows_init(struct warp_rows *rows, const struct warp *warp)
 {
-    const size_t points = 3 * ((size_t)warp->across * WARP_CELL / STEP + 1);
     struct warp_rows r = { 0 };
 
     r.segment[0] = sst_mem_alloc_raw((size_t)WARP_CELL * (size_t)warp->across * WARP_CELL, sizeof(*r.segment[0]));
-    r.lattice = sst_mem_alloc_raw(2 * points, sizeof(*r.lattice));
-    if (!r.segment[0] || !r.lattice) {
-        warp_rows_fini(&r);
+    if (!r.segment[0])
         return -ENOMEM;
-    }
     for (int i = 1; i < WARP_CELL; i++)
         r.segment[i] = r.segment[i - 1] + (size_t)warp->across * WARP_CELL;
     *rows = r;
@@ -68,7 +66,6 @@ int warp_rows_init(struct warp_rows *rows, const struct warp *warp)
 void warp_rows_fini(struct warp_rows *rows)
 {
     sst_mem_free(rows->segment[0]);
-    sst_mem_free(rows->lattice);
     *rows = (struct warp_rows){ 0 };
 }
 
@@ -167,11 +164,14 @@ int warp_check_size(const struct sst_posed *posed, const char *dir)
  */
 
 struct band {
-    struct warp_rows *rows;
+    struct warp_rows *rows_of;
     const struct warp *warp;
     const struct warp_view *view;
     float *depth; /* of the band's first row */
     int y;
+    /* of the cell in work */
+    unsigned rows; /* bits: those that are needed, ... */
+    int from, to;  /* ... in these columns */
 };
 
 /* A pixel's place in the view, of column x and row y of the band; NAN: none. */
@@ -218,6 +218,43 @@ static int64_t rounded_shift(int64_t v, int shift)
     return shift ? (v + ((int64_t)1 << (shift - 1))) >> shift : v;
 }
 
+/* (v r + WARP_CELL / 2) / WARP_CELL, downwards */
+static int32_t part_of(int32_t v, int r)
+{
+    return (v * r + WARP_CELL / 2) >> 4;
+}
+
+/* Segments of a cell of the largest size that lies in the picture, as add_cell()'s. @return false: it is stretched too far */
+static bool add_whole(const struct band *band, int x, int64_t q16[4][2])
+{
+    const int first = sst_max_int(band->from - x, 0), n = sst_min_int(WARP_CELL, band->to - x) - first;
+    const int rows = sst_min_int(WARP_CELL, band->warp->camera.height - band->y);
+    int32_t from[2][WARP_CELL], step[2][WARP_CELL];
+
+    for (int k = 0; k < 2; k++) {
+        const int32_t left = (int32_t)q16[0][k], right = (int32_t)q16[1][k];
+        const int32_t down[2] = { (int32_t)(q16[2][k] - q16[0][k]), (int32_t)(q16[3][k] - q16[1][k]) };
+
+        if (abs(down[0]) > STRETCHED || abs(down[1]) > STRETCHED)
+            return false;
+        for (int r = 0; r < WARP_CELL; r++) {
+            from[k][r] = left + part_of(down[0], r);
+            step[k][r] = part_of(right + part_of(down[1], r) - from[k][r], 1);
+        }
+    }
+    for (int r = 0; r < rows && n > 0; r++) {
+        if (band->rows >> r & 1)
+            band->rows_of->segment[r][band->rows_of->segments[r]++] =
+                (struct sst_warped_segment){ from[0][r] + first * step[0][r],
+                                             from[1][r] + first * step[1][r],
+                                             n > 1 ? step[0][r] : 0,
+                                             n > 1 ? step[1][r] : 0,
+                                             x + first,
+                                             n };
+    }
+    return true;
+}
+
 /* Segments of a cell whose places are bilinear between its four corners (left, right, then below). */
 static void add_cell(const struct band *band, int x, int y, int log2_size, double corner[4][2])
 {
@@ -231,10 +268,14 @@ static void add_cell(const struct band *band, int x, int y, int log2_size, doubl
         q16[i / 2][i % 2] = llrint(corner[i / 2][i % 2] * 65536);
         whole &= q16[i / 2][i % 2] >= size && q16[i / 2][i % 2] <= most[i % 2] - size; /* steps are rounded */
     }
+    if (whole && size == WARP_CELL && add_whole(band, x, q16))
+        return;
     for (int r = 0; r < size && band->y + y + r < camera->height; r++) {
-        int64_t range[2] = { 0, least(size, camera->width - x) }, from[2], step[2];
+        int64_t range[2] = { sst_max_int(band->from - x, 0), sst_min_int(size, band->to - x) }, from[2], step[2];
         struct sst_warped_segment *s;
 
+        if (!(band->rows >> (y + r) & 1))
+            continue;
         for (int k = 0; k < 2; k++) {
             from[k] = q16[0][k] + rounded_shift((q16[2][k] - q16[0][k]) * r, log2_size);
             step[k] =
@@ -244,7 +285,7 @@ static void add_cell(const struct band *band, int x, int y, int log2_size, doubl
         }
         if (range[0] >= range[1])
             continue;
-        s = &band->rows->segment[y + r][band->rows->segments[y + r]++];
+        s = &band->rows_of->segment[y + r][band->rows_of->segments[y + r]++];
         s->n = (int32_t)(range[1] - range[0]);
         s->at = x + (int32_t)range[0];
         s->x_q16 = (int32_t)(from[0] + range[0] * step[0]);
@@ -330,20 +371,37 @@ static void add_split(const struct band *band, int x, int y, int log2_size)
     }
 }
 
-void warp_band(struct warp_rows *rows, struct warp *warp, const struct warp_view *view, int band)
+void warp_cells(struct warp_rows *rows, struct warp *warp, const struct warp_view *view, int band,
+                const struct warp_part *part)
 {
     const size_t line = (size_t)warp->across * WARP_CELL + 1;
-    const int points = warp->across * WARP_CELL / STEP + 1;
-    const struct band b = { rows, warp, view, warp->depth + (size_t)band * (WARP_CELL + 1) * line, band * WARP_CELL };
+    struct band b = { rows, warp, view, warp->depth + (size_t)band * (WARP_CELL + 1) * line, band * WARP_CELL };
+    double p[9][2];
+    bool beside = false; /* p is of the cell before */
 
     memset(rows->segments, 0, sizeof(rows->segments));
-    for (int i = 0; i < 3 * points; i++)
-        place(&b, i % points * STEP, i / points * STEP, rows->lattice + 2 * (size_t)i);
     for (int cell = 0; cell < warp->across; cell++) {
-        double p[9][2];
+        const int left = cell * WARP_CELL;
 
-        for (int k = 0; k < 9; k++)
-            memcpy(p[k], rows->lattice + 2 * ((size_t)(k / 3 * points) + (size_t)(2 * cell + k % 3)), sizeof(p[k]));
-        add_checked(&b, cell * WARP_CELL, 0, 4, p);
+        b.rows = part ? part[cell].rows : UINT16_MAX;
+        if (!b.rows) {
+            beside = false;
+            continue;
+        }
+        b.from = left + (part ? part[cell].from : 0);
+        b.to = sst_min_int(left + (part ? part[cell].to : WARP_CELL), warp->camera.width);
+        for (int k = 0; k < 9; k++) {
+            if (beside && k % 3 == 0)
+                memcpy(p[k], p[k + 2], sizeof(p[k]));
+            else
+                place(&b, left + k % 3 * STEP, k / 3 * STEP, p[k]);
+        }
+        beside = true;
+        add_checked(&b, left, 0, 4, p);
     }
+}
+
+void warp_band(struct warp_rows *rows, struct warp *warp, const struct warp_view *view, int band)
+{
+    warp_cells(rows, warp, view, band, NULL);
 }
