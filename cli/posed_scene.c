@@ -11,6 +11,7 @@
 #include "base/text.h"
 #include "cli/posed_internal.h"
 #include "pipeline/posed/find/sharpen.h"
+#include "pipeline/posed/picture.h"
 
 #define FEW_VIEWS 6 /* below, agreement on the ground is often less than on the canopy */
 #define FEW_AGREE    0.003 /* share of pixels that agree, below which warm places may show the ground better */
@@ -20,6 +21,7 @@
 #define DEEPEST_MM   5e6 /* below the camera: lower heights are no ground but a number for unknown ones */
 #define NADIR        "nadir"
 #define ZERO_MISS    0.1 /* of the distance: where the ground is not at z = 0 */
+#define KEEP_BYTES   1e9 /* of views that are read once, for the ground and for all pictures */
 #define NADIR_PIXELS 3e7 /* at most, of a picture of a whole flight */
 
 struct known_option {
@@ -348,6 +350,7 @@ int cli_posed_open(struct posed_scene *scene, const struct cli_command *cmd, con
     err = sst_posed_load(&s.posed, path);
     if (err)
         return cli_exit_code(err);
+    sst_posed_keep(&s.posed, KEEP_BYTES);
     if (!sst_posed_placed(&s.posed)) {
         sst_log_error("%s: none of the %d views is placed; `sst poses %s` finds poses", path, s.posed.count, path);
         r = CLI_INPUT;

@@ -1,5 +1,5 @@
 /* Windows of posed views: column sums moved from row to row, their sums across, means, correlations. Plain loops that
- * compilers vectorise; sums across are stored first, as neighbours of a vector are other loads. */
+ * compilers vectorise, but for the best of several correlations, which stay in registers. */
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/root_inverse.h"
@@ -56,45 +56,81 @@ static void KERNEL(window_stats)(float *mean, float *inverse, const struct sst_w
     }
 }
 
-/* One other view's correlations, joined to the two best ones. */
-static inline void KERNEL(window_join)(float *restrict first, float *restrict second, const struct sst_window_row *row,
-                                       size_t k, const size_t part[2])
+#if defined(__AVX2__)
+
+#if SIMD_BYTES == 64
+#define WINDOW_OP(name) _mm512_##name
+#define WINDOW_FLOAT    __m512
+#else
+#define WINDOW_OP(name) _mm256_##name
+#define WINDOW_FLOAT    __m256
+#endif
+#define WINDOW_LANES (SIMD_BYTES / 4)
+
+static inline simd_f32 KERNEL(window_more)(simd_f32 a, simd_f32 b)
 {
-    const int32_t *restrict products = row->products[k] + part[0];
-    const float *restrict mean = row->mean + part[0], *restrict other = row->other_mean[k] + part[0];
-    const float *restrict inverse = row->inverse + part[0], *restrict other_inverse = row->other_inverse[k] + part[0];
-    const float least = row->floor;
-
-    for (size_t x = 0; x < part[1]; x++) {
-        const float alike = 1.0f - fabsf(mean[x] - other[x]);
-        const float both = (float)KERNEL(window_across)(products + x) *
-                           (1.0f / (SST_WINDOW_AREA * SST_LEVEL_ONE * SST_LEVEL_ONE));
-        const float covariance = both - mean[x] * other[x] + least * (alike > 0 ? alike : 0);
-        const float v = covariance * inverse[x] * other_inverse[x], old = first[x];
-        const float lower = v > old ? old : v;
-
-        first[x] = v > old ? v : old;
-        second[x] = lower > second[x] ? lower : second[x];
-    }
+    return (simd_f32)WINDOW_OP(max_ps)((WINDOW_FLOAT)a, (WINDOW_FLOAT)b); /* b where they are equal */
 }
+
+static inline simd_f32 KERNEL(window_less)(simd_f32 a, simd_f32 b)
+{
+    return (simd_f32)WINDOW_OP(min_ps)((WINDOW_FLOAT)a, (WINDOW_FLOAT)b);
+}
+
+/* Means of products of a vector of windows. */
+static inline simd_f32 KERNEL(window_both)(const int32_t *c)
+{
+    simd_s32 sum = simd_load_s32(c);
+
+    for (int i = 1; i < SST_WINDOW; i++)
+        sum += simd_load_s32(c + i);
+    return __builtin_convertvector(sum, simd_f32) * (1.0f / (SST_WINDOW_AREA * SST_LEVEL_ONE * SST_LEVEL_ONE));
+}
+
+static inline void KERNEL(window_best_at)(float *largest, const struct sst_window_row *row, size_t x)
+{
+    const simd_f32 zero = simd_set_f32(0), mean = simd_load_f32(row->mean + x), least = simd_set_f32(row->floor);
+    const simd_f32 inverse = simd_load_f32(row->inverse + x);
+    simd_f32 first = zero, second = zero;
+
+    for (size_t k = 0; k < row->others; k++) {
+        const simd_f32 other = simd_load_f32(row->other_mean[k] + x), apart = mean - other;
+        const simd_f32 alike = 1.0f - (simd_f32)((simd_s32)apart & 0x7FFFFFFF);
+        const simd_f32 covariance =
+            KERNEL(window_both)(row->products[k] + x) - mean * other + least * KERNEL(window_more)(alike, zero);
+        const simd_f32 v = covariance * inverse * simd_load_f32(row->other_inverse[k] + x);
+
+        second = KERNEL(window_more)(KERNEL(window_less)(v, first), second);
+        first = KERNEL(window_more)(v, first);
+    }
+    simd_store_f32(largest + x, KERNEL(window_more)(simd_load_f32(largest + x), (first + second) * 0.5f));
+}
+
+/* The last vector compares some windows again, which changes nothing. */
+static void KERNEL(window_best)(float *largest, const struct sst_window_row *row, size_t n)
+{
+    if (n < WINDOW_LANES) {
+        sst_window_best_ref(largest, row, n);
+        return;
+    }
+    for (size_t x = 0; x + WINDOW_LANES <= n; x += WINDOW_LANES)
+        KERNEL(window_best_at)(largest, row, x);
+    if (n % WINDOW_LANES)
+        KERNEL(window_best_at)(largest, row, n - WINDOW_LANES);
+}
+
+#undef WINDOW_OP
+#undef WINDOW_FLOAT
+#undef WINDOW_LANES
+
+#else
 
 static void KERNEL(window_best)(float *largest, const struct sst_window_row *row, size_t n)
 {
-    float *restrict out = largest;
-
-    for (size_t x = 0; x < n; x += WINDOW_BLOCK) {
-        const size_t part[2] = { x, n - x < WINDOW_BLOCK ? n - x : WINDOW_BLOCK };
-        float first[WINDOW_BLOCK] = { 0 }, second[WINDOW_BLOCK] = { 0 };
-
-        for (size_t k = 0; k < row->others; k++)
-            KERNEL(window_join)(first, second, row, k, part);
-        for (size_t i = 0; i < part[1]; i++) {
-            const float both = (first[i] + second[i]) * 0.5f;
-
-            out[x + i] = out[x + i] > both ? out[x + i] : both;
-        }
-    }
+    sst_window_best_ref(largest, row, n);
 }
+
+#endif
 
 static void KERNEL(window_agree)(uint8_t *first, uint8_t *second, const struct sst_window_pair *pair, size_t n)
 {

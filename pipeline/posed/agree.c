@@ -27,6 +27,12 @@ struct agree_rows {
     bool *all;             /* [views] ... and all of it */
 };
 
+/* Rows that column sums are moved on by. */
+struct moved {
+    int count;
+    bool lose; /* as many are lost */
+};
+
 static int pair_count(int views)
 {
     return views * (views - 1) / 2;
@@ -152,38 +158,51 @@ static void choose_views(struct agree_rows *r, const struct agree *a, int from, 
     }
 }
 
-/* Rows that column sums of a view gain and lose. @param first  nothing is lost */
-static void moved_rows(const int16_t *row[2], const struct agree *a, const struct agree_rows *r, int i, int y,
-                       bool first)
+/* Rows that column sums of a view gain and lose when they are moved to row y. @param lose  some are lost */
+static void moved_rows(const int16_t *row[2], const struct agree *a, const struct agree_rows *r, int i, int y, bool lose)
 {
     const ptrdiff_t width = a->warp.camera.width;
 
     row[0] = a->level + ((ptrdiff_t)r->view[i] * a->warp.camera.height + y) * width;
-    row[1] = first ? r->zero : row[0] - SST_WINDOW * width;
+    row[1] = lose ? row[0] - SST_WINDOW * width : r->zero;
 }
 
-/* Column sums of a view, and of a pair's products, moved to rows up to y. */
-static void move_sums(const struct agree *a, struct agree_rows *r, int i, int y, bool first)
+/* Column sums of a view, and of a pair's products, moved on by rows that end with row y. */
+static void move_sums(const struct agree *a, struct agree_rows *r, int i, int y, struct moved rows)
 {
     const size_t width = (size_t)a->warp.camera.width;
     int32_t *sum = r->sum + (size_t)i * 2 * width;
-    const int16_t *row[2];
 
-    moved_rows(row, a, r, i, y, first);
-    sst_kernels_get()->window_squares(sum, sum + width, row, width);
+    for (int k = rows.count - 1; k >= 0; k--) {
+        const int16_t *row[2];
+
+        moved_rows(row, a, r, i, y - k, rows.lose);
+        sst_kernels_get()->window_squares(sum, sum + width, row, width);
+    }
 }
 
 static void move_products(int32_t *products, const struct agree *a, const struct agree_rows *r, const int pair[2], int y,
-                          bool first)
+                          struct moved rows)
 {
-    const int16_t *row[2], *other[2];
+    for (int k = rows.count - 1; k >= 0; k--) {
+        const int16_t *row[2], *other[2];
 
-    moved_rows(row, a, r, pair[0], y, first);
-    moved_rows(other, a, r, pair[1], y, first);
-    sst_kernels_get()->window_products(products, row, other, (size_t)a->warp.camera.width);
+        moved_rows(row, a, r, pair[0], y - k, rows.lose);
+        moved_rows(other, a, r, pair[1], y - k, rows.lose);
+        sst_kernels_get()->window_products(products, row, other, (size_t)a->warp.camera.width);
+    }
 }
 
-/* Windows around the pixels of row y that each view sees. */
+/* Windows all of whose corners are seen. */
+static void count_whole(uint8_t *restrict whole, const uint8_t *const seen[2], size_t n)
+{
+    const uint8_t *restrict a = seen[0], *restrict b = seen[1];
+
+    for (size_t x = 0; x < n; x++)
+        whole[x] = (uint8_t)(whole[x] + (a[x] & a[x + 2 * RADIUS] & b[x] & b[x + 2 * RADIUS]));
+}
+
+/* Means and spreads of all views' windows around the pixels of row y. */
 static void measure_row(const struct agree *a, struct agree_rows *r, int y)
 {
     const size_t width = (size_t)a->warp.camera.width, n = width - 2 * RADIUS;
@@ -197,24 +216,23 @@ static void measure_row(const struct agree *a, struct agree_rows *r, int y)
             a->seen + ((size_t)r->view[i] * (size_t)a->warp.camera.height + (size_t)(y - RADIUS)) * width;
         const int32_t *sum = r->sum + (size_t)i * 2 * width;
         struct sst_window_sums in = { sum, sum + width, { NULL, NULL }, FLOOR };
-        const float *inverse = r->inverse + (size_t)i * width;
 
         for (size_t k = 0; k < 2 && !r->all[i]; k++)
             in.seen[k] = seen + 2 * RADIUS * width * k;
         sst_kernels_get()->window_stats(r->mean + (size_t)i * width, r->inverse + (size_t)i * width, &in, n);
-        for (size_t x = 0; x < n && !r->all[i]; x++)
-            r->whole[x] = (uint8_t)(r->whole[x] + (inverse[x] > 0));
+        if (!r->all[i])
+            count_whole(r->whole, in.seen, n);
     }
 }
 
 /* How many other views agree with each view around the pixels of row y. */
-static void compare_row(const struct agree *a, struct agree_rows *r, int y, bool first)
+static void compare_row(const struct agree *a, struct agree_rows *r, int y, struct moved rows)
 {
     const size_t width = (size_t)a->warp.camera.width;
     int32_t *products = r->products;
 
     for (int i = 0; i < r->views; i++)
-        move_sums(a, r, i, y + RADIUS, first);
+        move_sums(a, r, i, y + RADIUS, rows);
     measure_row(a, r, y);
     memset(r->agreeing, 0, width * (size_t)a->greys->count);
     for (int i = 0; i < r->views; i++) {
@@ -224,10 +242,16 @@ static void compare_row(const struct agree *a, struct agree_rows *r, int y, bool
                 { r->mean + at[0], r->mean + at[1] }, { r->inverse + at[0], r->inverse + at[1] }, products, ENOUGH
             };
 
-            move_products(products, a, r, (const int[2]){ i, j }, y + RADIUS, first);
+            move_products(products, a, r, (const int[2]){ i, j }, y + RADIUS, rows);
             sst_kernels_get()->window_agree(r->agreeing + at[0], r->agreeing + at[1], &pair, width - 2 * RADIUS);
         }
     }
+}
+
+static void keep_most(uint8_t *restrict most, const uint8_t *restrict agreeing, size_t n)
+{
+    for (size_t x = 0; x < n; x++)
+        most[x] = most[x] > agreeing[x] ? most[x] : agreeing[x];
 }
 
 /* Counts of one row as a tally. */
@@ -238,12 +262,8 @@ static void add_tally(struct agree_tally *tally, int32_t *tile, const struct agr
     int32_t score[UINT8_MAX + 1] = { 0 };
 
     memset(r->most, 0, width);
-    for (int k = 0; k < a->greys->count; k++) {
-        const uint8_t *agreeing = r->agreeing + (size_t)k * width;
-
-        for (size_t x = 0; x < width; x++)
-            r->most[x] = r->most[x] > agreeing[x] ? r->most[x] : agreeing[x];
-    }
+    for (int i = 0; i < r->views; i++)
+        keep_most(r->most, r->agreeing + (size_t)i * width, width);
     for (int most = least; most < a->greys->count; most++) {
         const int cube = (most - least + 1) * (most - least + 1) * (most - least + 1);
 
@@ -254,20 +274,6 @@ static void add_tally(struct agree_tally *tally, int32_t *tile, const struct agr
         tally->four += r->most[x] >= least;
         tally->six += r->most[x] >= 5;
         tile[(x + RADIUS) / BAND_ROWS] += score[r->most[x]];
-    }
-}
-
-/* Column sums of the rows around the first one but for its last. */
-static void start_sums(const struct agree *a, struct agree_rows *r, int first)
-{
-    for (int y = first - RADIUS; y < first + RADIUS; y++) {
-        int32_t *products = r->products;
-
-        for (int i = 0; i < r->views; i++) {
-            move_sums(a, r, i, y, true);
-            for (int j = i + 1; j < r->views; j++, products += a->warp.camera.width)
-                move_products(products, a, r, (const int[2]){ i, j }, y, true);
-        }
     }
 }
 
@@ -285,10 +291,11 @@ static int compare_band(void *arg, int band, int worker)
         memset(r->products, 0, width * (size_t)pair_count(a->greys->count) * sizeof(*r->products));
         memset(r->sum, 0, width * 2 * (size_t)a->greys->count * sizeof(*r->sum));
         choose_views(r, a, first - RADIUS, end + RADIUS);
-        start_sums(a, r, first);
     }
     for (int y = first; y < end && width > 2 * RADIUS; y++) {
-        compare_row(a, r, y, y == first);
+        const struct moved rows = y == first ? (struct moved){ SST_WINDOW, false } : (struct moved){ 1, true };
+
+        compare_row(a, r, y, rows);
         add_tally(&tally, tile, a, r);
     }
     for (size_t i = 0; i < ARRAY_LEN(tile); i++)

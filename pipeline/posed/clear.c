@@ -14,7 +14,6 @@
 
 #define WIDTH_PX     512   /* of the compared pictures, about, ... */
 #define PIXELS       2.8e6 /* of all of them, about; larger pixels than that, ... */
-#define KEEP_BYTES   1e9   /* of views that are read once */
 #define LEAST_PX     256   /* but not below this width */
 #define PARALLAX_PX  25.0  /* of the surface between compared views, there */
 #define STEP_PX      1.0   /* of parallax, between surfaces */
@@ -207,7 +206,7 @@ static int weigh_view(void *arg, int index, int worker SST_UNUSED)
 struct chunk {
     struct job *job;
     int n, *index; /* [n] of the job's views */
-    struct sst_deep *picture;
+    struct sst_deep *own; /* pictures that are not kept */
     struct sst_map_u16 *weight;
     struct weighted_view *view;
 };
@@ -218,22 +217,16 @@ static int prepare_view(void *arg, int index, int worker SST_UNUSED)
     struct job *j = chunk->job;
     const int k = chunk->index[index];
     struct weighted_view *v = &chunk->view[index];
-    int err = 0;
+    int err;
 
-    if (j->greys.kept) {
-        chunk->picture[index] = j->greys.kept[k];
-        j->greys.kept[k] = (struct sst_deep){ 0 };
-    } else {
-        err = sst_posed_picture(&chunk->picture[index], j->posed, j->dir, j->view[k]);
-    }
-    if (err)
-        return err;
-    *v = (struct weighted_view){ .picture = &chunk->picture[index],
-                                 .weight = &chunk->weight[index],
+    *v = (struct weighted_view){ .weight = &chunk->weight[index],
                                  .places = j->cfg->places,
                                  .view = j->view[k],
                                  .warp = warp_view_of(&j->cfg->camera, &j->posed->view[j->view[k]].camera,
                                                       j->posed->width, j->posed->height) };
+    err = sst_posed_borrow(&v->picture, &chunk->own[index], j->posed, j->dir, j->view[k]);
+    if (err)
+        return err;
     err = weights_in_picture(&chunk->weight[index], &j->weight[k], &j->greys.camera[k], j->least);
     if (err)
         sst_log_error("no memory for the weights of %d views", j->count);
@@ -246,7 +239,7 @@ static int check_chunk(const struct chunk *chunk)
     struct job *j = chunk->job;
 
     for (int i = 0; i < chunk->n; i++) {
-        const struct sst_deep *picture = &chunk->picture[i];
+        const struct sst_deep *picture = chunk->view[i].picture;
 
         if (picture->channels != j->posed->channels || picture->width != j->posed->width ||
             picture->height != j->posed->height || (j->white && picture->white != j->white)) {
@@ -265,25 +258,25 @@ static int add_chunk(struct weighted *sums, struct chunk *chunk, int threads)
     err = err ? err : check_chunk(chunk);
     err = err ? err : weighted_add(sums, chunk->view, chunk->n, chunk->job->greys.step);
     for (int i = 0; i < chunk->n; i++) {
-        sst_deep_fini(&chunk->picture[i]);
+        sst_deep_fini(&chunk->own[i]);
         sst_map_u16_fini(&chunk->weight[i]);
     }
     chunk->n = 0;
     return err;
 }
 
-/* Add the views that the camera sees: all at once if they are kept, else as many as there are threads. */
+/* Add the views that the camera sees: all at once if they are in memory, else as many as there are threads. */
 static int add_views(struct weighted *sums, struct job *j, int threads)
 {
-    const int most = j->greys.kept ? j->count : threads;
+    const int most = j->posed->picture || j->posed->kept ? j->count : threads;
     struct chunk chunk = { .job = j };
     int err = 0;
 
     chunk.index = calloc((size_t)most, sizeof(*chunk.index));
-    chunk.picture = calloc((size_t)most, sizeof(*chunk.picture));
+    chunk.own = calloc((size_t)most, sizeof(*chunk.own));
     chunk.weight = calloc((size_t)most, sizeof(*chunk.weight));
     chunk.view = calloc((size_t)most, sizeof(*chunk.view));
-    if (!chunk.index || !chunk.picture || !chunk.weight || !chunk.view) {
+    if (!chunk.index || !chunk.own || !chunk.weight || !chunk.view) {
         sst_log_error("no memory for the weights of %d views", j->count);
         err = -ENOMEM;
     }
@@ -296,7 +289,7 @@ static int add_views(struct weighted *sums, struct job *j, int threads)
     }
     err = err || !chunk.n ? err : add_chunk(sums, &chunk, threads);
     free(chunk.index);
-    free(chunk.picture);
+    free(chunk.own);
     free(chunk.weight);
     free(chunk.view);
     return err;
@@ -453,7 +446,6 @@ int render_weighted(struct sst_posed_rendered *out, const struct sst_posed *pose
         err = -ENODATA;
     }
     j.greys.count = j.count;
-    j.greys.keep = 2.0 * j.count * posed->width * posed->height * posed->channels <= KEEP_BYTES;
     j.greys.needed = j.needed;
     err = err ? err : warp_check_size(posed, dir);
     err = err ? err : greys_cameras(&j.greys, posed, j.view);

@@ -7,53 +7,84 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "base/mem.h"
 #include "base/thread.h"
 #include "pipeline/posed/picture.h"
 #include "pipeline/posed/surface_internal.h"
 
 #define LEAST_SIDE 16 /* px: windows of 7 px have some places in it */
 
-/* Luma of one pixel, in 1/256 level. */
-static double luma(const struct sst_deep *d, int x, int y)
+/* Sums of columns of `step` rows from y on, a row of a channel each. */
+static void sum_columns(uint32_t *columns, const struct sst_deep *in, int y, int step)
 {
-    if (d->channels == 1)
-        return sst_map_u16_row(&d->plane[0], y)[x];
-    return 0.299 * sst_map_u16_row(&d->plane[0], y)[x] + 0.587 * sst_map_u16_row(&d->plane[1], y)[x] +
-           0.114 * sst_map_u16_row(&d->plane[2], y)[x];
+    const size_t width = (size_t)in->width;
+
+    memset(columns, 0, (size_t)in->channels * width * sizeof(*columns));
+    for (int c = 0; c < in->channels; c++) {
+        uint32_t *restrict sum = columns + (size_t)c * width;
+
+        for (int i = 0; i < step; i++) {
+            const uint16_t *restrict row = sst_map_u16_row(&in->plane[c], y + i);
+
+            for (size_t x = 0; x < width; x++)
+                sum[x] += row[x];
+        }
+    }
+}
+
+/* Luma means of blocks of step x step pixels. */
+static void block_means(float *out, const uint32_t *columns, const struct sst_deep *in, int step)
+{
+    static const double luma[3] = { 0.299, 0.587, 0.114 };
+
+    for (int x = 0; x < in->width / step; x++) {
+        double block = 0;
+
+        for (int c = 0; c < in->channels; c++) {
+            const uint32_t *column = columns + (size_t)c * (size_t)in->width + (size_t)(x * step);
+            uint64_t sum = 0;
+
+            for (int i = 0; i < step; i++)
+                sum += column[i];
+            block += (in->channels == 1 ? 1 : luma[c]) * (double)sum;
+        }
+        out[x] = (float)(block / (step * step));
+    }
 }
 
 /* Means of blocks; then mean 32768 and a spread of GREY_SPREAD levels, so that exposures are alike. */
 static int make_grey(struct sst_deep *out, const struct sst_deep *in, int step)
 {
     const int width = in->width / step, height = in->height / step;
-    struct sst_map_f32 mean;
-    double sum = 0, squares = 0, count = (double)width * height, spread;
-    int err = sst_map_f32_init(&mean, width, height);
+    uint32_t *columns = sst_mem_alloc_raw((size_t)in->channels * (size_t)in->width, sizeof(*columns));
+    double sum = 0, squares = 0, count = (double)width * height, scale;
+    struct sst_map_f32 mean = { 0 };
+    int err = columns ? sst_map_f32_init(&mean, width, height) : -ENOMEM;
 
-    if (err)
-        return err;
-    err = sst_deep_init(out, width, height, 1, UINT16_MAX);
+    err = err ? err : sst_deep_init(out, width, height, 1, UINT16_MAX);
     for (int y = 0; y < height && !err; y++) {
-        for (int x = 0; x < width; x++) {
-            double block = 0;
+        float *row = sst_map_f32_row(&mean, y);
 
-            for (int i = 0; i < step * step; i++)
-                block += luma(in, x * step + i % step, y * step + i / step);
-            block /= step * step;
-            sst_map_f32_row(&mean, y)[x] = (float)block;
-            sum += block;
-            squares += block * block;
+        sum_columns(columns, in, y * step, step);
+        block_means(row, columns, in, step);
+        for (int x = 0; x < width; x++) {
+            sum += (double)row[x];
+            squares += (double)row[x] * (double)row[x];
         }
     }
-    spread = sqrt(fmax(squares / count - sum / count * (sum / count), 1e-6));
+    scale = GREY_SPREAD / sqrt(fmax(squares / count - sum / count * (sum / count), 1e-6));
     for (int y = 0; y < height && !err; y++) {
-        for (int x = 0; x < width; x++) {
-            const double v = ((double)sst_map_f32_row(&mean, y)[x] - sum / count) / spread * GREY_SPREAD + 32768;
+        const float *row = sst_map_f32_row(&mean, y);
+        uint16_t *to = sst_map_u16_row(&out->plane[0], y);
 
-            sst_map_u16_row(&out->plane[0], y)[x] = (uint16_t)sst_clamp_double(v + 0.5, 0, UINT16_MAX);
+        for (int x = 0; x < width; x++) {
+            const double v = ((double)row[x] - sum / count) * scale + 32768.5;
+
+            to[x] = (uint16_t)(v < 0 ? 0 : v > UINT16_MAX ? UINT16_MAX : v);
         }
     }
     sst_map_f32_fini(&mean);
+    sst_mem_free(columns);
     return err;
 }
 
@@ -67,22 +98,19 @@ struct grey_job {
 static int read_grey(void *arg, int index, int worker SST_UNUSED)
 {
     const struct grey_job *job = arg;
-    struct sst_deep deep = { 0 };
+    const struct sst_deep *picture;
+    struct sst_deep own = { 0 };
     int err;
 
     if (job->greys->needed && !job->greys->needed[index])
         return 0;
-    err = sst_posed_picture(&deep, job->posed, job->dir, job->view[index]);
-
+    err = sst_posed_borrow(&picture, &own, job->posed, job->dir, job->view[index]);
     if (!err) {
-        err = make_grey(&job->greys->picture[index], &deep, job->greys->step);
+        err = make_grey(&job->greys->picture[index], picture, job->greys->step);
         if (err)
             sst_log_error("no memory for a smaller picture of view %d", job->view[index]);
     }
-    if (!err && job->greys->kept)
-        job->greys->kept[index] = deep;
-    else
-        sst_deep_fini(&deep);
+    sst_deep_fini(&own);
     return err;
 }
 
@@ -122,8 +150,7 @@ int greys_read(struct greys *out, const struct sst_posed *posed, const char *dir
     if (err)
         return err;
     out->picture = calloc((size_t)out->count, sizeof(*out->picture));
-    out->kept = out->keep ? calloc((size_t)out->count, sizeof(*out->kept)) : NULL;
-    if (!out->picture || (out->keep && !out->kept)) {
+    if (!out->picture) {
         sst_log_error("no memory for %d smaller pictures", out->count);
         err = -ENOMEM;
     }
@@ -137,12 +164,8 @@ void greys_fini(struct greys *greys)
 {
     for (int k = 0; greys->picture && k < greys->count; k++)
         sst_deep_fini(&greys->picture[k]);
-    for (int k = 0; greys->kept && k < greys->count; k++)
-        sst_deep_fini(&greys->kept[k]);
-    free(greys->kept);
     free(greys->picture);
     free(greys->camera);
-    greys->kept = NULL;
     greys->picture = NULL;
     greys->camera = NULL;
 }

@@ -217,21 +217,6 @@ static int choose_parts(struct layer_scratch *s, int band)
     return pixels;
 }
 
-/* What a view does not see is level 0. */
-static void clear_parts(const struct layer_scratch *s, struct other *o, size_t row, int r)
-{
-    for (int cell = 0; cell < s->warp.across; cell++) {
-        const struct warp_part *p = &s->part[cell];
-
-        if (p->rows >> r & 1) {
-            const size_t at = row * s->stride + (size_t)(cell * WARP_CELL + p->from), n = (size_t)(p->to - p->from);
-
-            memset(o->level + at, 0, n * sizeof(*o->level));
-            memset(o->seen + at, 0, n);
-        }
-    }
-}
-
 /* A band of the other views, where it is needed. */
 static void sample_band(struct layer_scratch *s, int band)
 {
@@ -253,8 +238,10 @@ static void sample_band(struct layer_scratch *s, int band)
         for (int r = 0; r < WARP_CELL; r++) {
             const size_t row = (size_t)(band * WARP_CELL + r) % RING;
 
-            if (*pixels < s->needed[band % 4])
-                clear_parts(s, o, row, r);
+            if (*pixels < s->needed[band % 4]) { /* what a view does not see is level 0 */
+                memset(o->level + row * s->stride, 0, s->stride * sizeof(*o->level));
+                memset(o->seen + row * s->stride, 0, s->stride);
+            }
             kernels->level_row(o->level + row * s->stride, o->seen + row * s->stride, &o->from, s->rows.segment[r],
                                (size_t)s->rows.segments[r]);
         }

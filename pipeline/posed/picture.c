@@ -66,3 +66,22 @@ int sst_posed_picture(struct sst_deep *out, const struct sst_posed *posed, const
         *out = made;
     return err;
 }
+
+void sst_posed_keep(struct sst_posed *posed, double most)
+{
+    const double bytes = 2.0 * sst_posed_placed(posed) * posed->width * posed->height * posed->channels;
+
+    if (!posed->picture && !posed->kept && bytes <= most)
+        posed->kept = calloc((size_t)posed->count, sizeof(*posed->kept));
+}
+
+int sst_posed_borrow(const struct sst_deep **out, struct sst_deep *own, const struct sst_posed *posed, const char *dir,
+                     int view)
+{
+    struct sst_deep *to = posed->kept ? &posed->kept[view] : own;
+    const int err = posed->picture || to->width ? 0 : sst_posed_picture(to, posed, dir, view);
+
+    if (!err)
+        *out = posed->picture ? &posed->picture[view] : to;
+    return err;
+}

@@ -10,6 +10,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "pipeline/image/deep.h"
+
 #define NUMBER_MAX   1e9  /* of scales and offsets */
 #define TIME_MAX_S   1e9  /* thirty years */
 #define UNIT_MISS    1e-6 /* of a unit vector's length */
@@ -41,6 +43,9 @@ void sst_posed_fini(struct sst_posed *posed)
     free(posed->view);
     free(posed->points);
     free(posed->sights);
+    for (int k = 0; posed->kept && k < posed->count; k++)
+        sst_deep_fini(&posed->kept[k]);
+    free(posed->kept);
     *posed = (struct sst_posed){ 0 };
 }
 

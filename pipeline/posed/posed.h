@@ -57,6 +57,7 @@ struct sst_posed {
     struct sst_posed_sight *sights; /* points[0].views sights of the first point, then points[1].views of the next; NULL: unknown. Owned. */
     int sight_count;
     const struct sst_deep *picture; /* [count], of a light field without a folder; NULL: pictures are files. Borrowed. */
+    struct sst_deep *kept;          /* [count] pictures that were read, of sst_posed_keep(); NULL: none is kept. Owned. */
 };
 
 /** True if the folder's lightfield.json describes a posed light field. @return false also where there is none */

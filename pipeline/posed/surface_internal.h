@@ -109,9 +109,7 @@ struct greys {
     int width, height;               /* of the pictures: as greys_cameras() */
     struct sst_deep *picture;        /* [count] */
     struct sst_calib_camera *camera; /* [count] */
-    bool keep;                       /* the whole pictures too: as greys_read() */
     const bool *needed;              /* [count] others stay empty; NULL: all are needed */
-    struct sst_deep *kept;           /* [count], or NULL */
 };
 
 /* Pixels of a view that one of its grey picture is wide: as many as asked for, fewer where a side is short. */
