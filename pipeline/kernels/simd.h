@@ -109,6 +109,41 @@ SIMD_TWO(max, u16, simd_u16, b + simd_less_u16((simd_u16)a, (simd_u16)b))
 #endif
 #undef SIMD_TWO
 
+/* --- more and less of floats: the larger or smaller one, b where they are equal --- */
+
+#if defined(__SSE2__)
+#if SIMD_BYTES == 64
+#define SIMD_FLOAT __m512
+#elif SIMD_BYTES == 32
+#define SIMD_FLOAT __m256
+#else
+#define SIMD_FLOAT __m128
+#endif
+static inline simd_f32 simd_more_f32(simd_f32 a, simd_f32 b)
+{
+    return (simd_f32)SIMD_OP(max_ps)((SIMD_FLOAT)a, (SIMD_FLOAT)b);
+}
+
+static inline simd_f32 simd_less_f32(simd_f32 a, simd_f32 b)
+{
+    return (simd_f32)SIMD_OP(min_ps)((SIMD_FLOAT)a, (SIMD_FLOAT)b);
+}
+#else
+static inline simd_f32 simd_more_f32(simd_f32 a, simd_f32 b)
+{
+    const simd_s32 m = (simd_s32)(a > b);
+
+    return (simd_f32)(((simd_s32)a & m) | ((simd_s32)b & ~m));
+}
+
+static inline simd_f32 simd_less_f32(simd_f32 a, simd_f32 b)
+{
+    const simd_s32 m = (simd_s32)(a < b);
+
+    return (simd_f32)(((simd_s32)a & m) | ((simd_s32)b & ~m));
+}
+#endif
+
 /* --- lanes that are equal, and a choice of two vectors by them --- */
 
 #if SIMD_BYTES == 64
