@@ -45,7 +45,7 @@ static inline int KERNEL(level_segment)(int16_t *level, uint8_t *seen, const str
             LEVEL_MADD(LEVEL_GATHER(from->plane[0] + from->stride, at) ^ (int32_t)0x80008000, across);
         const simd_s32 both = (simd_s32)(((simd_u32)above << 8) + (simd_u32)(below - above) * (simd_u32)down);
 
-        /* Halved first: white and what rounds it up do not fit in 32 bits. */
+        /* Halved first: white and its rounding do not fit in 32 bits. */
         KERNEL(level_store)
         (level + s->at + i, seen + s->at + i, ((both >> 1) + (1 << (14 + SST_LEVEL_SHIFT))) >> (15 + SST_LEVEL_SHIFT));
         x += s->dx_q16 * LEVEL_LANES;
@@ -64,7 +64,7 @@ static inline void KERNEL(level_near)(int16_t *level, uint8_t *seen, const struc
         const int at = i + NEAR_LANES <= s->n ? i : s->n - NEAR_LANES;
         const struct KERNEL(near) near = KERNEL(near_places)(from, s, at);
         const __m256i both = KERNEL(near_levels)(from->plane[0], from->stride, &near);
-        /* Halved first: white and what rounds it up do not fit in 32 bits. */
+        /* Halved first: white and its rounding do not fit in 32 bits. */
         const __m256i v =
             _mm256_srai_epi32(_mm256_add_epi32(_mm256_srai_epi32(both, 1), half), 15 + SST_LEVEL_SHIFT);
 

@@ -62,7 +62,7 @@ static inline void KERNEL(window_stats_at)(float *mean, float *inverse, const st
     simd_store_f32(inverse + x, KERNEL(window_root)(simd_more_f32(v, simd_set_f32(0)) + in->floor));
 }
 
-/* Windows whose corners are not seen have 0. */
+/* 0 for windows with an unseen corner. */
 static void KERNEL(window_mask)(float *restrict inverse, const uint8_t *restrict a, const uint8_t *restrict b, size_t n)
 {
     for (size_t x = 0; x < n; x++) {
@@ -159,6 +159,7 @@ static void KERNEL(weighted_add)(const struct sst_weighted_sums *sums, const str
 {
     const uint32_t *restrict w = rays->weight;
     const uint16_t *restrict seen = rays->count;
+    const uint32_t half = 1u << (SST_WEIGHTED_SHIFT - 1);
     uint32_t *restrict weight = sums->weight;
     uint16_t *restrict count = sums->count;
 
@@ -169,11 +170,11 @@ static void KERNEL(weighted_add)(const struct sst_weighted_sums *sums, const str
 
         for (size_t x = 0; x < n; x++) {
             sum[x] += v[x];
-            weighted[x] += (float)(int32_t)v[x] * (float)(int32_t)w[x];
+            weighted[x] += (float)(int32_t)v[x] * (float)(int32_t)((w[x] + half) >> SST_WEIGHTED_SHIFT);
         }
     }
     for (size_t x = 0; x < n; x++)
-        weight[x] += w[x];
+        weight[x] += (w[x] + half) >> SST_WEIGHTED_SHIFT;
     for (size_t x = 0; x < n; x++)
         count[x] = (uint16_t)(count[x] + seen[x]);
 }

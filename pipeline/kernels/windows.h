@@ -13,7 +13,7 @@ struct sst_warped_segment;
 /*
  * Windows are SST_WINDOW x SST_WINDOW pixels. Column sums hold SST_WINDOW rows and are moved on row by row; they are
  * whole numbers, so a sum depends on its rows alone and not on where it was begun. Levels lie within
- * -SST_LEVEL_MAX .. SST_LEVEL_MAX, SST_LEVEL_ONE of them one standard deviation: sums of 49 products stay below 2^31.
+ * -SST_LEVEL_MAX .. SST_LEVEL_MAX, SST_LEVEL_ONE is one standard deviation: sums of 49 products stay below 2^31.
  */
 #define SST_WINDOW      7
 #define SST_WINDOW_AREA (SST_WINDOW * SST_WINDOW)
@@ -22,7 +22,7 @@ struct sst_warped_segment;
 #define SST_LEVEL_ONE   512
 
 /**
- * Levels of a row of pixels, interpolated bilinearly in a source of one channel; `seen` of them is 1, others stay.
+ * Levels of a row of pixels, interpolated bilinearly in a source of one channel; `seen` becomes 1 there.
  * Places are rounded to 1/256 px, the level once.
  */
 typedef void sst_level_row_fn(int16_t *level, uint8_t *seen, const struct sst_warped_source *from,
@@ -31,7 +31,7 @@ typedef void sst_level_row_fn(int16_t *level, uint8_t *seen, const struct sst_wa
 /** Column sums of levels and of their squares: row[0] is added, row[1] taken away. */
 typedef void sst_window_squares_fn(int32_t *sum, int32_t *squares, const int16_t *const row[2], size_t n);
 
-/** Column sums of products: those of a[0] and b[0] are added, of a[1] and b[1] taken away. */
+/** Column sums of products: a[0] b[0] is added, a[1] b[1] taken away. */
 typedef void sst_window_products_fn(int32_t *sum, const int16_t *const a[2], const int16_t *const b[2], size_t n);
 
 /**
@@ -68,7 +68,7 @@ struct sst_window_row {
  */
 typedef void sst_window_best_fn(float *largest, const struct sst_window_row *row, size_t n);
 
-/** Count windows of a pair whose correlation is above `enough`. @param products  [n + 6] */
+/** Count windows of a pair with a correlation above `enough`. @param products  [n + 6] */
 struct sst_window_pair {
     const float *mean[2], *inverse[2];
     const int32_t *products;
@@ -76,14 +76,16 @@ struct sst_window_pair {
 };
 typedef void sst_window_agree_fn(uint8_t *first, uint8_t *second, const struct sst_window_pair *pair, size_t n);
 
-/** A view's rays in one row, `channels` 1 or 3: levels and weights in 1/64, 0 with count 0 where there is none. */
+/** A view's rays in one row, `channels` 1 or 3: levels in 1/64, weights in 1/2^13; 0 with count 0 where there is none. */
+#define SST_WEIGHTED_SHIFT 13
 struct sst_weighted_rays {
     const uint32_t *level[3], *weight;
     const uint16_t *count;
     int channels;
 };
 
-/** Sums of a row: of levels, levels times weights, weights, and rays. */
+/** Sums of a row: of levels, levels times weights, weights, and rays. Weights are rounded: tails of weights of many views
+ *  would outweigh a few rays. */
 struct sst_weighted_sums {
     uint32_t *level[3], *weight;
     float *weighted[3];

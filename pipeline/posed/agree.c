@@ -19,11 +19,11 @@
 struct agree_rows {
     int32_t *products;     /* [pairs][width] column sums, and */
     int32_t *sum;          /* [views][2][width]: of levels and of squares */
-    float *mean, *inverse; /* [views][width] of windows; those without all pixels have 0 */
+    float *mean, *inverse; /* [views][width] of windows; 0 without all pixels */
     uint8_t *agreeing;     /* [views][width] */
     uint8_t *whole, *most; /* [width] windows that views see; the largest number that agrees with one */
     int16_t *zero;         /* [width] */
-    int *view, views;      /* [views] those that see the band, ... */
+    int *view, views;      /* [views] with pixels in the band, ... */
     bool *all;             /* [views] ... and all of it */
 };
 
@@ -193,7 +193,7 @@ static void move_products(int32_t *products, const struct agree *a, const struct
     }
 }
 
-/* Windows all of whose corners are seen. */
+/* Windows with four seen corners. */
 static void count_whole(uint8_t *restrict whole, const uint8_t *const seen[2], size_t n)
 {
     const uint8_t *restrict a = seen[0], *restrict b = seen[1];

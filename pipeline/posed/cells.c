@@ -1,4 +1,4 @@
-/* Cells of views that see what a virtual camera sees: weights of other rays are not needed. */
+/* Cells of views inside a virtual camera's picture: weights of other rays are not needed. */
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>

@@ -173,7 +173,7 @@ static int choose_step(const struct sst_posed *posed, int compare_px)
     return greys_step(posed, sst_max_int(usual, sst_min_int(fewer, posed->width / LEAST_PX)));
 }
 
-/* Views that the camera sees, and those that they are compared with. */
+/* Views inside the camera's picture, and their partners of comparison. */
 static int choose_views(struct job *j, int threads)
 {
     int err = layer_cells_find(j->layers.seen, &j->greys, &j->cfg->camera, &j->cfg->surface, threads);
@@ -259,6 +259,7 @@ static int add_chunk(struct weighted *sums, struct chunk *chunk, int threads)
     err = err ? err : weighted_add(sums, chunk->view, chunk->n, chunk->job->greys.step);
     for (int i = 0; i < chunk->n; i++) {
         sst_deep_fini(&chunk->own[i]);
+        chunk->own[i] = (struct sst_deep){ 0 };
         sst_map_u16_fini(&chunk->weight[i]);
     }
     chunk->n = 0;
@@ -331,7 +332,7 @@ static int start_row(void *arg, int y, int worker SST_UNUSED)
         }
     }
     for (size_t x = 0; x < width; x++)
-        rays[x] = (float)sums->weight[at + x] * (1.0f / (255 * WEIGHT_ONE << SST_WARPED_SHIFT));
+        rays[x] = (float)sums->weight[at + x] * (1.0f / 255);
     memcpy(sst_map_u16_row(&f->out->views, y), sums->count + at, width * sizeof(*sums->count));
     return 0;
 }

@@ -13,7 +13,7 @@
 #define FLOOR     0.01f /* variance, of 1 over a picture */
 #define SAME      1     /* steps from the surface that still are the surface */
 #define CLEARANCE 3     /* steps in front of it that are something else */
-#define STRIDE    4     /* of the order of steps: what is in front shows early, and ends the search in its cell */
+#define STRIDE    4     /* of the order of steps: a surface in front shows early, and ends the search in its cell */
 #define BIAS      0.02f /* correlation: of the many surfaces in front one is better by chance */
 #define SOFT      0.06f
 #define LEAST     0.35f /* correlation on the surface from which on a ray counts, ... */
@@ -41,7 +41,7 @@ struct layer_scratch {
     int16_t *own, *zero;   /* [height][stride], [stride] */
     float *mean, *inverse; /* [height][stride] of the view's windows */
     float *on, *before;    /* [height][stride] largest correlations */
-    uint8_t *alive;        /* [bands][across] cells whose weights are not known to be 0 */
+    uint8_t *alive;        /* [bands][across] cells with weights that may be above 0 */
     struct warp_part *part; /* [across] */
     int needed[4];         /* pixels of a band that are sampled */
     struct other other[LAYER_OTHERS];
@@ -238,7 +238,7 @@ static void sample_band(struct layer_scratch *s, int band)
         for (int r = 0; r < WARP_CELL; r++) {
             const size_t row = (size_t)(band * WARP_CELL + r) % RING;
 
-            if (*pixels < s->needed[band % 4]) { /* what a view does not see is level 0 */
+            if (*pixels < s->needed[band % 4]) { /* unseen pixels have level 0 */
                 memset(o->level + row * s->stride, 0, s->stride * sizeof(*o->level));
                 memset(o->seen + row * s->stride, 0, s->stride);
             }
@@ -251,7 +251,7 @@ static void sample_band(struct layer_scratch *s, int band)
 /* --- comparison -----------------------------------------------------------------------------------------------------
  */
 
-/* Windows of one row of pixels: the first of them, and their number. */
+/* Windows of one row of pixels: the first one, and their number. */
 struct stretch {
     size_t x, y, n;
     int band;

@@ -46,6 +46,8 @@ int sst_posed_picture(struct sst_deep *out, const struct sst_posed *posed, const
 
     if (posed->picture)
         return copy(out, &posed->picture[view]);
+    if (posed->kept && posed->kept[view].width)
+        return copy(out, &posed->kept[view]);
     err = posed_read_view(path, &data, &size, v, dir);
     if (err)
         return err;
@@ -79,7 +81,8 @@ int sst_posed_borrow(const struct sst_deep **out, struct sst_deep *own, const st
                      int view)
 {
     struct sst_deep *to = posed->kept ? &posed->kept[view] : own;
-    const int err = posed->picture || to->width ? 0 : sst_posed_picture(to, posed, dir, view);
+    const bool there = posed->picture || (posed->kept && to->width);
+    const int err = there ? 0 : sst_posed_picture(to, posed, dir, view);
 
     if (!err)
         *out = posed->picture ? &posed->picture[view] : to;

@@ -169,7 +169,7 @@ struct layer_cells {
     uint8_t *cell; /* [bands][across] 1: the virtual camera sees it; NULL: none */
 };
 
-/* Cells of views that see what a virtual camera sees of a surface. `out` is [greys.count], zeroed; greys_cameras() before.
+/* Cells of views inside a virtual camera's picture of a surface. `out` is [greys.count], zeroed; greys_cameras() before.
  * @return 0, -ENOMEM; not logged */
 SST_MUST_CHECK int layer_cells_find(struct layer_cells out[], const struct greys *greys, const struct sst_virtual *camera,
                                     const struct sst_surface *surface, int threads);
@@ -201,16 +201,16 @@ SST_MUST_CHECK int posed_stretch(struct sst_samples *out, const struct sst_deep 
 /* --- weighted: sums of weighted rays ---------------------------------------------------------------------------------
  */
 
-#define WEIGHT_ONE 128 /* of maps of weights of 0 to 255; 1024 views of 255 * 128 * 64 stay below 2^32 */
+#define WEIGHT_ONE (1 << (SST_WEIGHTED_SHIFT - SST_WARPED_SHIFT)) /* of maps of weights of 0 to 255 */
 
 struct weighted_row;
 
-/* Sums of all views at the virtual camera's pixels; levels and weights in 1/64. */
+/* Sums of all views at the virtual camera's pixels; levels in 1/64. */
 struct weighted {
     struct warp warp;
     struct weighted_row *row; /* [threads] */
     int channels, threads;
-    uint32_t *sum[3], *weight; /* [height][width] of levels; of WEIGHT_ONE times the weights */
+    uint32_t *sum[3], *weight; /* [height][width] of levels; of weights */
     float *weighted[3];        /* of their products */
     uint16_t *count;           /* of views */
 };
@@ -229,7 +229,7 @@ SST_MUST_CHECK int weighted_init(struct weighted *out, const struct sst_virtual 
                                  const struct sst_surface *surface, int channels, int threads);
 void weighted_fini(struct weighted *w);
 
-/* Weights of a picture's rays, from those without distortion, with a border; at least `least`. @param cam  of the grey
+/* Weights of a picture's rays, from undistorted ones, with a border; at least `least`. @param cam  of the grey
  * picture. @return 0, -ENOMEM; not logged */
 SST_MUST_CHECK int weights_in_picture(struct sst_map_u16 *out, const struct sst_map_u8 *weight,
                                       const struct sst_calib_camera *cam, int least);

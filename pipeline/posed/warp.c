@@ -170,7 +170,7 @@ struct band {
     float *depth; /* of the band's first row */
     int y;
     /* of the cell in work */
-    unsigned rows; /* bits: those that are needed, ... */
+    unsigned rows; /* bits: the needed ones, ... */
     int from, to;  /* ... in these columns */
 };
 

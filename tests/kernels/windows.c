@@ -134,7 +134,7 @@ static void levels_equal_the_reference(void **state SST_UNUSED)
             sst_warped_row_ref((uint32_t *const[3]){ sum }, count, &from, segment, SEGMENTS);
             for (int i = 0; i < N; i++) {
                 assert_int_equal(count[i], seen[0][i]);
-                if (count[i]) /* within half of a level and what both round */
+                if (count[i]) /* within half of a level and two roundings */
                     assert_true(fabs(want[i] - (sum[i] / 64.0 - 32768) / (1 << SST_LEVEL_SHIFT)) <= 0.5 + 1.0 / 64);
             }
         }
@@ -280,7 +280,7 @@ static void roots_are_precise(void **state SST_UNUSED)
         assert_true(fabs((double)sst_root_inverse((float)v) * sqrt((double)(float)v) - 1) < 5e-6);
 }
 
-/* Rows of two views, the second one half of the first and noise: correlations of running sums are those in double. */
+/* Rows of two views, the second one half of the first and noise: correlations of running sums equal sums in double. */
 static void correlations_are_right(void **state SST_UNUSED)
 {
     enum { SIDE = 24, WINDOWS = SIDE - SST_WINDOW + 1 };
