@@ -85,10 +85,11 @@ static bool other_init(struct other *o, const struct layer_scratch *s, int view)
 
 static int scratch_init(struct layer_scratch *s, const struct layers *in, int view, const struct sst_virtual *camera)
 {
-    const int err = warp_init(&s->warp, camera, &in->surface);
     size_t pixels;
     bool made;
+    int err = warp_init(&s->warp, camera, &in->surface);
 
+    err = err ? err : warp_keep(&s->warp);
     if (err)
         return err;
     s->in = in;
@@ -350,9 +351,7 @@ static void compare_band(struct layer_scratch *s, float *largest, int band)
 /* The largest correlations with other views on a step's surface. */
 static void compare_step(struct layer_scratch *s, float *largest, int step)
 {
-    const struct sst_surface surface = sst_surface_moved(&s->in->surface, layers_height(s->in, step));
-
-    warp_restart(&s->warp, &surface);
+    warp_raise(&s->warp, layers_height(s->in, step));
     sample_band(s, 0);
     for (int band = 0; band < s->warp.bands; band++) {
         if (band + 1 < s->warp.bands)

@@ -30,6 +30,27 @@ void warp_restart(struct warp *warp, const struct sst_surface *surface)
         warp->depth[i] = -1;
 }
 
+int warp_keep(struct warp *warp)
+{
+    const size_t depths = depth_count(warp);
+
+    warp->base = sst_mem_alloc_raw(depths, sizeof(*warp->base));
+    if (!warp->base)
+        return -ENOMEM;
+    for (size_t i = 0; i < depths; i++)
+        warp->base[i] = -1;
+    return 0;
+}
+
+void warp_raise(struct warp *warp, double mm)
+{
+    const size_t depths = depth_count(warp);
+
+    warp->rise_mm = mm;
+    for (size_t i = 0; i < depths; i++)
+        warp->depth[i] = -1;
+}
+
 int warp_init(struct warp *warp, const struct sst_virtual *camera, const struct sst_surface *surface)
 {
     struct warp w = { .camera = *camera };
@@ -47,7 +68,9 @@ int warp_init(struct warp *warp, const struct sst_virtual *camera, const struct 
 void warp_fini(struct warp *warp)
 {
     sst_mem_free(warp->depth);
+    sst_mem_free(warp->base);
     warp->depth = NULL;
+    warp->base = NULL;
 }
 
 int warp_rows_init(struct warp_rows *rows, const struct warp *warp)
@@ -167,26 +190,40 @@ struct band {
     struct warp_rows *rows_of;
     const struct warp *warp;
     const struct warp_view *view;
-    float *depth; /* of the band's first row */
+    float *depth, *base; /* of the band's first row */
     int y;
     /* of the cell in work */
     unsigned rows; /* bits: the needed ones, ... */
     int from, to;  /* ... in these columns */
 };
 
+/* Depth of a pixel of column x and row y of the band. */
+static float find_depth(const struct band *band, int x, int y, size_t at)
+{
+    const struct warp *warp = band->warp;
+    float *base = band->base ? band->base + at : NULL;
+    double ray[3], along, depth;
+
+    sst_virtual_ray(&warp->camera, x, band->y + y, ray);
+    if (!base)
+        return (float)sst_surface_meet(&warp->surface, warp->camera.centre_mm, ray);
+    if (*base < 0)
+        *base = (float)sst_surface_meet(&warp->surface, warp->camera.centre_mm, ray);
+    along = -vector_dot(warp->surface.normal, ray);
+    depth = along == 0 ? INFINITY : (double)*base - warp->rise_mm / along;
+    return isfinite(depth) && depth > 0 ? (float)depth : INFINITY;
+}
+
 /* A pixel's place in the view, of column x and row y of the band; NAN: none. */
 static inline void place(const struct band *band, int x, int y, double xy[2])
 {
     const struct sst_virtual *camera = &band->warp->camera;
-    float *depth = band->depth + (size_t)y * ((size_t)band->warp->across * WARP_CELL + 1) + x;
+    const size_t at = (size_t)y * ((size_t)band->warp->across * WARP_CELL + 1) + (size_t)x;
+    float *depth = band->depth + at;
     const double ab[2] = { (x - camera->cx) / camera->fx, (band->y + y - camera->cy) / camera->fy };
 
-    if (*depth < 0) {
-        double ray[3];
-
-        sst_virtual_ray(camera, x, band->y + y, ray);
-        *depth = (float)sst_surface_meet(&band->warp->surface, camera->centre_mm, ray);
-    }
+    if (*depth < 0)
+        *depth = find_depth(band, x, y, at);
     if (!project(band->view, ab, (double)*depth, xy))
         xy[0] = xy[1] = NAN;
 }
@@ -375,7 +412,13 @@ void warp_cells(struct warp_rows *rows, struct warp *warp, const struct warp_vie
                 const struct warp_part *part)
 {
     const size_t line = (size_t)warp->across * WARP_CELL + 1;
-    struct band b = { rows, warp, view, warp->depth + (size_t)band * (WARP_CELL + 1) * line, band * WARP_CELL };
+    const size_t first = (size_t)band * (WARP_CELL + 1) * line;
+    struct band b = { .rows_of = rows,
+                      .warp = warp,
+                      .view = view,
+                      .depth = warp->depth + first,
+                      .base = warp->base ? warp->base + first : NULL,
+                      .y = band * WARP_CELL };
     double p[9][2];
     bool beside = false; /* p is of the cell before */
 
