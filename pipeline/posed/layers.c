@@ -351,7 +351,7 @@ static void compare_band(struct layer_scratch *s, float *largest, int band)
 /* The largest correlations with other views on a step's surface. */
 static void compare_step(struct layer_scratch *s, float *largest, int step)
 {
-    warp_raise(&s->warp, layers_height(s->in, step));
+    warp_raise(&s->warp, layers_height(s->in, step), step > SAME);
     sample_band(s, 0);
     for (int band = 0; band < s->warp.bands; band++) {
         if (band + 1 < s->warp.bands)

@@ -54,6 +54,7 @@ struct warp {
     float *depth; /* [bands][WARP_CELL + 1][across * WARP_CELL + 1]; below 0: not yet computed, INFINITY: none */
     float *base;  /* depths of the surface itself, of warp_keep(); NULL: they are not kept */
     double rise_mm;
+    bool coarse;
 };
 
 /* Segments of the rows of one band in one view. One thread. */
@@ -75,8 +76,8 @@ void warp_restart(struct warp *warp, const struct sst_surface *surface);
 /* Keep depths for warp_raise(). @return 0, -ENOMEM; not logged */
 SST_MUST_CHECK int warp_keep(struct warp *warp);
 /* Move each ray's place on the surface back along the ray, `mm` along the normal: a plane becomes the parallel one, terrain
- * is met once for all heights. */
-void warp_raise(struct warp *warp, double mm);
+ * is met once for all heights. @param coarse  inverse depths of the surface itself are bilinear inside of cells */
+void warp_raise(struct warp *warp, double mm, bool coarse);
 void warp_fini(struct warp *warp);
 SST_MUST_CHECK int warp_rows_init(struct warp_rows *rows, const struct warp *warp);
 void warp_rows_fini(struct warp_rows *rows);

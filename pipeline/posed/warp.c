@@ -42,11 +42,12 @@ int warp_keep(struct warp *warp)
     return 0;
 }
 
-void warp_raise(struct warp *warp, double mm)
+void warp_raise(struct warp *warp, double mm, bool coarse)
 {
     const size_t depths = depth_count(warp);
 
     warp->rise_mm = mm;
+    warp->coarse = coarse;
     for (size_t i = 0; i < depths; i++)
         warp->depth[i] = -1;
 }
@@ -197,20 +198,55 @@ struct band {
     int from, to;  /* ... in these columns */
 };
 
+static size_t depth_at(const struct band *band, int x, int y)
+{
+    return (size_t)y * ((size_t)band->warp->across * WARP_CELL + 1) + (size_t)x;
+}
+
+/* Depth of the surface itself. */
+static double base_depth(const struct band *band, int x, int y)
+{
+    float *base = &band->base[depth_at(band, x, y)];
+    double ray[3];
+
+    if (*base < 0) {
+        sst_virtual_ray(&band->warp->camera, x, band->y + y, ray);
+        *base = (float)sst_surface_meet(&band->warp->surface, band->warp->camera.centre_mm, ray);
+    }
+    return (double)*base;
+}
+
+/* ... between the corners of a cell. @return INFINITY: a corner has none */
+static double coarse_depth(const struct band *band, int x, int y)
+{
+    const int left = x / WARP_CELL * WARP_CELL, top = y / WARP_CELL * WARP_CELL;
+    const double right = (double)(x - left) / WARP_CELL, down = (double)(y - top) / WARP_CELL;
+    double inverse = 0;
+
+    for (int i = 0; i < 4; i++) {
+        const double w = (i % 2 ? right : 1 - right) * (i / 2 ? down : 1 - down);
+        const double depth = w > 0 ? base_depth(band, left + i % 2 * WARP_CELL, top + i / 2 * WARP_CELL) : 1;
+
+        if (!isfinite(depth))
+            return INFINITY;
+        inverse += w / depth;
+    }
+    return 1 / inverse;
+}
+
 /* Depth of a pixel of column x and row y of the band. */
-static float find_depth(const struct band *band, int x, int y, size_t at)
+static float find_depth(const struct band *band, int x, int y)
 {
     const struct warp *warp = band->warp;
-    float *base = band->base ? band->base + at : NULL;
     double ray[3], along, depth;
 
     sst_virtual_ray(&warp->camera, x, band->y + y, ray);
-    if (!base)
+    if (!band->base)
         return (float)sst_surface_meet(&warp->surface, warp->camera.centre_mm, ray);
-    if (*base < 0)
-        *base = (float)sst_surface_meet(&warp->surface, warp->camera.centre_mm, ray);
+    depth = warp->coarse ? coarse_depth(band, x, y) : INFINITY;
+    depth = isfinite(depth) ? depth : base_depth(band, x, y);
     along = -vector_dot(warp->surface.normal, ray);
-    depth = along == 0 ? INFINITY : (double)*base - warp->rise_mm / along;
+    depth = along == 0 ? INFINITY : depth - warp->rise_mm / along;
     return isfinite(depth) && depth > 0 ? (float)depth : INFINITY;
 }
 
@@ -218,12 +254,11 @@ static float find_depth(const struct band *band, int x, int y, size_t at)
 static inline void place(const struct band *band, int x, int y, double xy[2])
 {
     const struct sst_virtual *camera = &band->warp->camera;
-    const size_t at = (size_t)y * ((size_t)band->warp->across * WARP_CELL + 1) + (size_t)x;
-    float *depth = band->depth + at;
+    float *depth = band->depth + depth_at(band, x, y);
     const double ab[2] = { (x - camera->cx) / camera->fx, (band->y + y - camera->cy) / camera->fy };
 
     if (*depth < 0)
-        *depth = find_depth(band, x, y, at);
+        *depth = find_depth(band, x, y);
     if (!project(band->view, ab, (double)*depth, xy))
         xy[0] = xy[1] = NAN;
 }
