@@ -27,9 +27,9 @@ struct agree_rows {
     bool *all;             /* [views] ... and all of it */
 };
 
-/* Rows that column sums are moved on by. */
+/* Rows that column sums are moved on by: `count`, up to row y. */
 struct moved {
-    int count;
+    int y, count;
     bool lose; /* as many are lost */
 };
 
@@ -158,37 +158,38 @@ static void choose_views(struct agree_rows *r, const struct agree *a, int from, 
     }
 }
 
-/* Rows that column sums of a view gain and lose when they are moved to row y. @param lose  some are lost */
-static void moved_rows(const int16_t *row[2], const struct agree *a, const struct agree_rows *r, int i, int y, bool lose)
+/* Rows that column sums of a view gain and lose when they are moved to row y. @param zero  the lost row; NULL: the one
+ * before the window's */
+static void moved_rows(const int16_t *row[2], const struct agree *a, int view, int y, const int16_t *zero)
 {
     const ptrdiff_t width = a->warp.camera.width;
 
-    row[0] = a->level + ((ptrdiff_t)r->view[i] * a->warp.camera.height + y) * width;
-    row[1] = lose ? row[0] - SST_WINDOW * width : r->zero;
+    row[0] = a->level + ((ptrdiff_t)view * a->warp.camera.height + y) * width;
+    row[1] = zero ? zero : row[0] - SST_WINDOW * width;
 }
 
-/* Column sums of a view, and of a pair's products, moved on by rows that end with row y. */
-static void move_sums(const struct agree *a, struct agree_rows *r, int i, int y, struct moved rows)
+/* Column sums of a view, and of a pair's products. */
+static void move_sums(const struct agree *a, struct agree_rows *r, int i, struct moved rows)
 {
     const size_t width = (size_t)a->warp.camera.width;
     int32_t *sum = r->sum + (size_t)i * 2 * width;
 
-    for (int k = rows.count - 1; k >= 0; k--) {
+    for (int y = rows.y - rows.count + 1; y <= rows.y; y++) {
         const int16_t *row[2];
 
-        moved_rows(row, a, r, i, y - k, rows.lose);
+        moved_rows(row, a, r->view[i], y, rows.lose ? NULL : r->zero);
         sst_kernels_get()->window_squares(sum, sum + width, row, width);
     }
 }
 
-static void move_products(int32_t *products, const struct agree *a, const struct agree_rows *r, const int pair[2], int y,
+static void move_products(int32_t *products, const struct agree *a, const struct agree_rows *r, const int pair[2],
                           struct moved rows)
 {
-    for (int k = rows.count - 1; k >= 0; k--) {
+    for (int y = rows.y - rows.count + 1; y <= rows.y; y++) {
         const int16_t *row[2], *other[2];
 
-        moved_rows(row, a, r, pair[0], y - k, rows.lose);
-        moved_rows(other, a, r, pair[1], y - k, rows.lose);
+        moved_rows(row, a, r->view[pair[0]], y, rows.lose ? NULL : r->zero);
+        moved_rows(other, a, r->view[pair[1]], y, rows.lose ? NULL : r->zero);
         sst_kernels_get()->window_products(products, row, other, (size_t)a->warp.camera.width);
     }
 }
@@ -225,15 +226,15 @@ static void measure_row(const struct agree *a, struct agree_rows *r, int y)
     }
 }
 
-/* How many other views agree with each view around the pixels of row y. */
-static void compare_row(const struct agree *a, struct agree_rows *r, int y, struct moved rows)
+/* How many other views agree with each view around the pixels of a row, after its column sums were moved on. */
+static void compare_row(const struct agree *a, struct agree_rows *r, struct moved rows)
 {
     const size_t width = (size_t)a->warp.camera.width;
     int32_t *products = r->products;
 
     for (int i = 0; i < r->views; i++)
-        move_sums(a, r, i, y + RADIUS, rows);
-    measure_row(a, r, y);
+        move_sums(a, r, i, rows);
+    measure_row(a, r, rows.y - RADIUS);
     memset(r->agreeing, 0, width * (size_t)a->greys->count);
     for (int i = 0; i < r->views; i++) {
         for (int j = i + 1; j < r->views; j++, products += width) {
@@ -242,7 +243,7 @@ static void compare_row(const struct agree *a, struct agree_rows *r, int y, stru
                 { r->mean + at[0], r->mean + at[1] }, { r->inverse + at[0], r->inverse + at[1] }, products, ENOUGH
             };
 
-            move_products(products, a, r, (const int[2]){ i, j }, y + RADIUS, rows);
+            move_products(products, a, r, (const int[2]){ i, j }, rows);
             sst_kernels_get()->window_agree(r->agreeing + at[0], r->agreeing + at[1], &pair, width - 2 * RADIUS);
         }
     }
@@ -293,9 +294,7 @@ static int compare_band(void *arg, int band, int worker)
         choose_views(r, a, first - RADIUS, end + RADIUS);
     }
     for (int y = first; y < end && width > 2 * RADIUS; y++) {
-        const struct moved rows = y == first ? (struct moved){ SST_WINDOW, false } : (struct moved){ 1, true };
-
-        compare_row(a, r, y, rows);
+        compare_row(a, r, (struct moved){ y + RADIUS, y == first ? SST_WINDOW : 1, y > first });
         add_tally(&tally, tile, a, r);
     }
     for (size_t i = 0; i < ARRAY_LEN(tile); i++)

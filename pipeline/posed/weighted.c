@@ -16,6 +16,7 @@
 
 /* Row in work. One thread. */
 struct weighted_row {
+    int y;
     struct warp_rows places;
     struct sst_warped_segment *weights; /* [width] */
     uint32_t *level[3], *weight;        /* [width] */
@@ -173,12 +174,12 @@ struct add_job {
     int n, step;
 };
 
-static void add_row(const struct add_job *job, const struct weighted_view *view, struct weighted_row *row, int y,
+static void add_row(const struct add_job *job, const struct weighted_view *view, struct weighted_row *row,
                     const struct sst_warped_segment *segment, int segments)
 {
     const struct sst_kernels *kernels = sst_kernels_get();
     const struct weighted *w = job->w;
-    const size_t at = (size_t)y * (size_t)w->warp.camera.width;
+    const size_t at = (size_t)row->y * (size_t)w->warp.camera.width;
     const struct sst_warped_source from = warp_source(view->picture);
     const struct sst_warped_source weights = { .plane = { view->weight->data },
                                                .stride = view->weight->stride / sizeof(uint16_t),
@@ -227,12 +228,16 @@ static int add_band(void *arg, int band, int worker)
             const int *segments;
             const struct sst_warped_segment *segment = integral_kept(&segments, view->places, view->view, band);
 
-            for (int r = 0; r < WARP_CELL; segment += segments[r], r++)
-                add_row(job, view, row, band * WARP_CELL + r, segment, segments[r]);
+            for (int r = 0; r < WARP_CELL; segment += segments[r], r++) {
+                row->y = band * WARP_CELL + r;
+                add_row(job, view, row, segment, segments[r]);
+            }
         } else {
             warp_band(&row->places, &w->warp, &view->warp, band);
-            for (int r = 0; r < WARP_CELL; r++)
-                add_row(job, view, row, band * WARP_CELL + r, row->places.segment[r], row->places.segments[r]);
+            for (int r = 0; r < WARP_CELL; r++) {
+                row->y = band * WARP_CELL + r;
+                add_row(job, view, row, row->places.segment[r], row->places.segments[r]);
+            }
         }
     }
     return 0;
