@@ -98,6 +98,11 @@ static const struct {
     { "correlate_places", SST_CORRELATE_SIZE * SST_CORRELATE_SIZE * 255.0 * 255, INT32_MAX,
       "72 times products of 72 pairs of levels" },
     { "feature_products", SST_FEATURE_PARTS * 512.0 * 512, INT32_MAX, "128 products of 512, of unit length 512 at most" },
+    { "level_row", SST_LEVEL_MAX, INT16_MAX, "half of 16 bits, shifted" },
+    { "window_squares", (double)SST_WINDOW_AREA *SST_LEVEL_MAX *SST_LEVEL_MAX, INT32_MAX, "49 squares of 4096" },
+    { "window_products", (double)SST_WINDOW_AREA *SST_LEVEL_MAX *SST_LEVEL_MAX, INT32_MAX, "49 products of 4096" },
+    { "window_agree", 255, UINT8_MAX, "counts of up to 256 views" },
+    { "weighted_add", 1024.0 * 65535 * 64, UINT32_MAX, "1024 views of 65535 levels; products are floats" },
     { "sha256_blocks", UINT32_MAX, UINT32_MAX, "sums modulo 2^32 by definition" },
 };
 
@@ -750,6 +755,65 @@ static void posed_levels(void **state SST_UNUSED)
     bound_end(&b);
 }
 
+/* Column sums of a random window of two views, and its moments in standard deviations: means, squares, product. */
+static void random_window(int32_t column[5][SST_WINDOW], wide moment[5])
+{
+    const int32_t middle[2] = { (int32_t)below(2 * 3000) - 3000, (int32_t)below(2 * 3000) - 3000 };
+    const int32_t spread = (int32_t)below(1000) + 1;
+
+    memset(column, 0, 5 * sizeof(*column));
+    memset(moment, 0, 5 * sizeof(*moment));
+    for (int i = 0; i < SST_WINDOW_AREA; i++) {
+        int32_t v[2];
+
+        for (int k = 0; k < 2; k++)
+            v[k] = middle[k] + (int32_t)below((uint32_t)(2 * spread)) - spread;
+        for (int m = 0; m < 5; m++) {
+            const int32_t term = m < 2 ? v[m] : m < 4 ? v[m - 2] * v[m - 2] : v[0] * v[1];
+
+            column[m][i % SST_WINDOW] += term;
+            moment[m] += (wide)term / SST_WINDOW_AREA / SST_LEVEL_ONE / (m < 2 ? 1 : SST_LEVEL_ONE);
+        }
+    }
+}
+
+/* Squares of 6 standard deviations lose what floats of 36 do, over the square root of the floor. */
+static void windows(void **state SST_UNUSED)
+{
+    struct bound stats = { "window_stats", "float", "relative", "5e-6, and 36 in floats over twice a floor of 0.01", 6e-4, 0, 0, "" };
+    struct bound best = { "window_best", "float", "of a correlation", "5e-6, and 36 in floats over a floor of 0.01", 2e-3, 0, 0, "" };
+
+    for (int i = 0; i < rounds(30000); i++) {
+        int32_t column[5][SST_WINDOW];
+        float mean[2], inverse[2], got = 0;
+        wide moment[5], deviation[2], want;
+
+        random_window(column, moment);
+        for (int k = 0; k < 2; k++) {
+            const struct sst_window_sums in = { column[k], column[2 + k], { NULL, NULL }, 0.01f };
+
+            sst_window_stats_ref(&mean[k], &inverse[k], &in, 1);
+            deviation[k] = sqrtl(moment[2 + k] - moment[k] * moment[k] + 0.01L);
+            bound_note(&stats, (double)fabsl((wide)inverse[k] * deviation[k] - 1), "mean %.4Lf, deviation %.5Lf", moment[k],
+                       deviation[k]);
+        }
+        want = (moment[4] - moment[0] * moment[1] + 0.01L * fmaxl(0, 1 - fabsl(moment[0] - moment[1]))) /
+               (deviation[0] * deviation[1]);
+        sst_window_best_ref(&got,
+                            &(struct sst_window_row){ .mean = &mean[0],
+                                                      .inverse = &inverse[0],
+                                                      .other_mean = { &mean[1] },
+                                                      .other_inverse = { &inverse[1] },
+                                                      .products = { column[4] },
+                                                      .others = 1,
+                                                      .floor = 0.01f },
+                            1);
+        bound_note(&best, (double)fabsl(2 * (wide)got - fmaxl(want, 0)), "means %.4Lf %.4Lf", moment[0], moment[1]);
+    }
+    bound_end(&stats);
+    bound_end(&best);
+}
+
 static double to_light(double v)
 {
     return v <= 0.04045 ? v / 12.92 : pow((v + 0.055) / 1.055, 2.4);
@@ -784,7 +848,8 @@ static const char *const measured[] = {
     "class_row",          "guide_cells",         "support_mean_row", "bilateral_row", "subpixel_fit_row",
     "subpixel_plane_row", "subpixel_window_row", "blend_rays",       "blend_take",    "blend_finish",
     "clear_land",         "clear_surface",       "clear_take",       "clear_blend",   "agree_votes",
-    "place_row",          "resample_row",        "light_row",        "warped_row"
+    "place_row",          "resample_row",        "light_row",        "warped_row",    "window_stats",
+    "window_best"
 };
 
 static void every_kernel_has_a_bound(void **state SST_UNUSED)
@@ -830,6 +895,7 @@ int main(void)
         cmocka_unit_test(places),
         cmocka_unit_test(resampled),
         cmocka_unit_test(posed_levels),
+        cmocka_unit_test(windows),
         cmocka_unit_test(light),
     };
 

@@ -104,6 +104,7 @@ static void a_folder_is_read_as_it_was_written(void **state SST_UNUSED)
 {
     struct sst_posed posed, again, third;
     struct points_file before;
+    const struct sst_deep *borrowed[2];
     struct sst_deep picture;
 
     make(&posed);
@@ -117,6 +118,19 @@ static void a_folder_is_read_as_it_was_written(void **state SST_UNUSED)
     assert_int_equal(picture.channels, 3);
     assert_int_equal(sst_map_u16_row(&picture.plane[1], 3)[5], 20);
     sst_deep_fini(&picture);
+
+    /* Pictures that are kept are read once; too many are not kept. */
+    sst_posed_keep(&again, 1);
+    assert_null(again.kept);
+    sst_posed_keep(&again, 1e6);
+    for (int i = 0; i < 2; i++) {
+        struct sst_deep own = { 0 };
+
+        assert_int_equal(sst_posed_borrow(&borrowed[i], &own, &again, test_path("lf"), 1), 0);
+        assert_int_equal(own.width, 0);
+    }
+    assert_ptr_equal(borrowed[0], borrowed[1]);
+    assert_int_equal(sst_map_u16_row(&borrowed[1]->plane[1], 3)[5], 20);
 
     /* New poses with other points: the old points' file goes. */
     assert_int_equal(posed_read_json(&third, &before, test_path("lf/lightfield.json")), 0);
