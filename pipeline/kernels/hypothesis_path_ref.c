@@ -4,36 +4,37 @@
 
 #include "pipeline/kernels/kernels.h"
 
-void sst_hypothesis_path_row_ref(uint16_t *path, uint16_t *sum, const uint16_t *cost, const uint16_t *hypothesis,
-                                 const uint16_t *from, const uint16_t *from_hypothesis, const uint8_t *colour,
-                                 const uint8_t *count, const struct sst_hypothesis_penalty *penalty, ptrdiff_t step,
-                                 size_t n)
+static void path_of(uint16_t *path, const uint16_t *cost, const uint16_t *hypothesis,
+                    const struct sst_hypothesis_before *before, const int penalty[3])
 {
-    for (size_t x = 0; x < n; x++) {
-        const int p1 = penalty->p1[*colour], p2 = penalty->p2[*colour];
-        int least = from[0];
+    int least = before->path[0];
 
-        for (int j = 1; j < SST_HYPOTHESES; j++)
-            least = from[j] < least ? from[j] : least;
-        for (int i = 0; i < SST_HYPOTHESES; i++) {
-            int best = least + p2;
+    for (int j = 1; j < SST_HYPOTHESES; j++)
+        least = sst_min_int(before->path[j], least);
+    for (int i = 0; i < SST_HYPOTHESES; i++) {
+        int best = least + penalty[2];
 
-            for (int j = 0; j < SST_HYPOTHESES; j++) {
-                const int jump = abs(hypothesis[i] - from_hypothesis[j]);
-                const int here = from[j] + (jump <= penalty->near ? 0 : jump <= 2 * penalty->near ? p1 : p2);
+        for (int j = 0; j < SST_HYPOTHESES; j++) {
+            if (!j || before->path[j] < SST_HYPOTHESIS_FAR) {
+                const int jump = abs(hypothesis[i] - before->hypothesis[j]), near = penalty[0];
 
-                best = here < best ? here : best;
+                best = sst_min_int(before->path[j] + (jump <= near ? 0 : penalty[jump <= 2 * near ? 1 : 2]), best);
             }
-            path[i] = *count > 1 ? (uint16_t)(cost[i] + best - least) : i ? SST_HYPOTHESIS_FAR : 0;
-            sum[i] = *count > 1 ? (uint16_t)(sum[i] + path[i]) : sum[i];
         }
-        path += step;
-        sum += step;
-        cost += step;
-        hypothesis += step;
-        from += step;
-        from_hypothesis += step;
-        colour += step / SST_HYPOTHESES;
-        count += step / SST_HYPOTHESES;
+        path[i] = (uint16_t)(cost[i] + best - least);
+    }
+}
+
+void sst_hypothesis_path_row_ref(const struct sst_hypothesis_steps *steps, const struct sst_hypothesis_penalty *penalty,
+                                 ptrdiff_t step, size_t n)
+{
+    for (ptrdiff_t x = 0; x < (ptrdiff_t)n; x++) {
+        const ptrdiff_t pixel = x * step, at = pixel * SST_HYPOTHESES;
+        const int colour = steps->colour[pixel];
+
+        path_of(steps->path + at, steps->cost + at, steps->hypothesis + at, &steps->before[pixel],
+                (const int[]){ penalty->near, penalty->p1[colour], penalty->p2[colour] });
+        for (int i = 0; i < SST_HYPOTHESES; i++)
+            steps->sum[at + i] = (uint16_t)(steps->sum[at + i] + steps->path[at + i]);
     }
 }

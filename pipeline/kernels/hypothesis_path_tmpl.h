@@ -46,18 +46,19 @@ static inline uint16_t KERNEL(hypothesis_rest)(const uint16_t *from)
 
 /* Most pixels have one hypothesis: what costs p2 more than the first one is no way to anything. */
 static inline void KERNEL(hypothesis_path)(uint16_t *path, uint16_t *sum, const uint16_t *cost,
-                                           const uint16_t *hypothesis, const uint16_t *from,
-                                           const uint16_t *from_hypothesis, uint16_t p1, uint16_t p2, uint16_t near)
+                                           const uint16_t *hypothesis, const struct sst_hypothesis_before *before,
+                                           uint16_t p1, uint16_t p2, uint16_t near)
 {
     typedef KERNEL(hypothesis_lanes) lanes;
     typedef KERNEL(hypothesis_entries) entries;
+    const uint16_t *from = before->path;
     const lanes here = *(const entries *)hypothesis;
     const uint16_t rest = KERNEL(hypothesis_rest)(from), least = from[0] < rest ? from[0] : rest;
     const int used = rest >= from[0] + p2 ? 1 : SST_HYPOTHESES;
     lanes best = (lanes){ 0 } + (uint16_t)(least + p2), l;
 
     for (int j = 0; j < used; j++) {
-        const lanes jump = KERNEL(hypothesis_apart)(here, (lanes){ 0 } + from_hypothesis[j]);
+        const lanes jump = KERNEL(hypothesis_apart)(here, (lanes){ 0 } + before->hypothesis[j]);
         const lanes penalty = (lanes)(jump > near) & p1;
 
         best = KERNEL(hypothesis_min)(best, (penalty + from[j]) | (lanes)(jump > (uint16_t)(2 * near)));
@@ -67,31 +68,15 @@ static inline void KERNEL(hypothesis_path)(uint16_t *path, uint16_t *sum, const 
     *(entries *)sum += l;
 }
 
-static void KERNEL(hypothesis_path_row)(uint16_t *path, uint16_t *sum, const uint16_t *cost, const uint16_t *hypothesis,
-                                        const uint16_t *from, const uint16_t *from_hypothesis, const uint8_t *colour,
-                                        const uint8_t *count, const struct sst_hypothesis_penalty *penalty,
-                                        ptrdiff_t step, size_t n)
+static void KERNEL(hypothesis_path_row)(const struct sst_hypothesis_steps *steps,
+                                        const struct sst_hypothesis_penalty *penalty, ptrdiff_t step, size_t n)
 {
-    static const uint16_t decided[SST_HYPOTHESES] = { 0,
-                                                      SST_HYPOTHESIS_FAR,
-                                                      SST_HYPOTHESIS_FAR,
-                                                      SST_HYPOTHESIS_FAR,
-                                                      SST_HYPOTHESIS_FAR,
-                                                      SST_HYPOTHESIS_FAR,
-                                                      SST_HYPOTHESIS_FAR,
-                                                      SST_HYPOTHESIS_FAR };
-
-    _Static_assert(SST_HYPOTHESES == 8, "entries of `decided`");
-
     for (ptrdiff_t x = 0; x < (ptrdiff_t)n; x++) {
-        const ptrdiff_t at = x * step, pixel = at / SST_HYPOTHESES;
-        const uint8_t c = colour[pixel];
+        const ptrdiff_t pixel = x * step, at = pixel * SST_HYPOTHESES;
+        const uint8_t c = steps->colour[pixel];
 
-        if (count[pixel] < 2)
-            memcpy(path + at, decided, sizeof(decided));
-        else
-            KERNEL(hypothesis_path)
-        (path + at, sum + at, cost + at, hypothesis + at, from + at, from_hypothesis + at, penalty->p1[c],
-         penalty->p2[c], penalty->near);
+        KERNEL(hypothesis_path)
+        (steps->path + at, steps->sum + at, steps->cost + at, steps->hypothesis + at, &steps->before[pixel],
+         penalty->p1[c], penalty->p2[c], penalty->near);
     }
 }

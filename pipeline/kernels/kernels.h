@@ -285,7 +285,8 @@ struct sst_landing {
 /**
  * Move n pixels to where they land, [height][width].
  *
- * @param nearest   in, out: the largest (disp + 1) << SST_LANDED_DISP | rank that landed; 0: nothing
+ * @param nearest   in, out: the largest (disp + 1) << SST_LANDED_DISP | rank that landed; 0: nothing;
+ *                  SST_LANDED_CLOSED: nothing can land, and `farthest` stays as well
  * @param farthest  in, out, or NULL: sources << 16 | the smallest disp that landed; 0xFFFF: nothing
  * @param disp      stored disparities; 0xFFFF lands nowhere
  * @param rank      or NULL: all 0
@@ -293,6 +294,8 @@ struct sst_landing {
 typedef void sst_land_row_fn(uint32_t *nearest, uint32_t *farthest, const struct sst_landing *l, const uint16_t *disp,
                              const uint8_t *rank, size_t n);
 #define SST_LANDED_DISP     8
+#define SST_LANDED_CLOSED   UINT32_MAX
+#define SST_LANDED_FAR      32 /* spacings between views at most, the limit of `step` */
 #define SST_MEDIAN_REACH    5
 #define SST_MEDIAN_SIDE     (2 * SST_MEDIAN_REACH + 1)
 #define SST_MEDIAN_STEP_Q6  64
@@ -366,20 +369,30 @@ struct sst_hypothesis_penalty {
     uint16_t p1[256], p2[256];
 };
 
+/** A pixel before another one on a path. One with nothing to choose has a path of 0 and else of SST_HYPOTHESIS_FAR; its
+ * first hypothesis alone is read. */
+struct sst_hypothesis_before {
+    const uint16_t *path, *hypothesis; /* [SST_HYPOTHESES] */
+};
+
+/** Pixels on a path. */
+struct sst_hypothesis_steps {
+    uint16_t *path, *sum;                       /* out; added to; [n][SST_HYPOTHESES] */
+    const uint16_t *cost, *hypothesis;          /* [n][SST_HYPOTHESES] */
+    const struct sst_hypothesis_before *before; /* [n]; paths of pixels that come first may be of the same call */
+    const uint8_t *colour;                      /* [n] steps from the pixel before */
+};
+
 /**
  * One path of the semi-global optimisation over hypotheses: entry i of a pixel is
  * L[i] = C[i] + min over j of (P[j] + penalty(|D[i] - D'[j]|)) - min P, at most C[i] + p2, and sum += L. Hypotheses are
  * at most 2^15.
- * P and D' are the path and the hypotheses of the predecessor. All pointers advance by `step` entries a pixel, `colour`
- * and `count` by a SST_HYPOTHESES-th of it; a path along a row reads what it wrote for the last pixel.
+ * P and D' are the path and the hypotheses of the pixel before.
  *
- * @param count  of hypotheses; a pixel with fewer than two has nothing to choose, whatever its costs are: its path is 0
- *               for the first entry and SST_HYPOTHESIS_FAR for the others, its sums stay as they are
+ * @param step  1, or -1: all pointers are at the last pixel, which comes first
  */
-typedef void sst_hypothesis_path_row_fn(uint16_t *path, uint16_t *sum, const uint16_t *cost, const uint16_t *hypothesis,
-                                        const uint16_t *from, const uint16_t *from_hypothesis, const uint8_t *colour,
-                                        const uint8_t *count, const struct sst_hypothesis_penalty *penalty,
-                                        ptrdiff_t step, size_t n);
+typedef void sst_hypothesis_path_row_fn(const struct sst_hypothesis_steps *steps,
+                                        const struct sst_hypothesis_penalty *penalty, ptrdiff_t step, size_t n);
 
 /* Sub-pixel refinement (design.md, 5.8). */
 #define SST_SUBPIXEL_VIEWS 24

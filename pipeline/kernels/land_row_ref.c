@@ -25,7 +25,7 @@ void sst_land_row_ref(uint32_t *nearest, uint32_t *farthest, const struct sst_la
         to = (size_t)y * (size_t)l->width + (size_t)x;
         if (nearest[to] < value)
             nearest[to] = value;
-        if (!farthest)
+        if (!farthest || nearest[to] == SST_LANDED_CLOSED)
             continue;
         if ((farthest[to] & 0xFFFF) > (uint32_t)d)
             farthest[to] = (farthest[to] & 0xFFFF0000) | (uint32_t)d;

@@ -1,5 +1,6 @@
 /* land_row. With AVX-512 neighbouring pixels that all move alike are stored at once. The others are stored one by one:
- * masked stores of a part of them stall the loads that follow. */
+ * masked stores of some lanes stall the loads that follow. Their places are looked up together, since mostly few are
+ * open. */
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
 
@@ -10,7 +11,7 @@ static inline void KERNEL(land)(uint32_t *restrict nearest, uint32_t *restrict f
                                 uint32_t source)
 {
     nearest[to] = nearest[to] < value ? value : nearest[to];
-    if (farthest) {
+    if (farthest && nearest[to] != SST_LANDED_CLOSED) {
         const uint32_t d = (value >> SST_LANDED_DISP) - 1, old = farthest[to], least = old & 0xFFFF;
 
         farthest[to] = (old & 0xFFFF0000) | source | (d < least ? d : least);
@@ -52,17 +53,22 @@ static void KERNEL(land_row)(uint32_t *restrict nearest, uint32_t *restrict fart
         _mm512_storeu_si512(at, to);
         if (left == 0xFFFF && _mm512_cmpeq_epi32_mask(to, _mm512_add_epi32(lane, _mm512_set1_epi32(at[0]))) == 0xFFFF) {
             uint32_t *row = nearest + at[0];
+            const __m512i old = _mm512_loadu_si512(row);
 
-            _mm512_storeu_si512(row, _mm512_max_epu32(_mm512_loadu_si512(row), value));
+            _mm512_storeu_si512(row, _mm512_max_epu32(old, value));
             if (farthest) { /* the upper halves of d, all ones, leave the sources as they are */
-                row = farthest + at[0];
-                _mm512_storeu_si512(
-                    row, _mm512_or_si512(_mm512_min_epu16(_mm512_loadu_si512(row),
-                                                          _mm512_or_si512(d, _mm512_set1_epi32((int)0xFFFF0000))),
-                                         _mm512_set1_epi32((int)source)));
+                const __mmask16 open = _mm512_cmpneq_epi32_mask(old, _mm512_set1_epi32(-1));
+                const __m512i was = _mm512_loadu_si512(farthest + at[0]);
+                const __m512i least = _mm512_min_epu16(was, _mm512_or_si512(d, _mm512_set1_epi32((int)0xFFFF0000)));
+
+                _mm512_storeu_si512(farthest + at[0],
+                                    _mm512_mask_or_epi32(was, open, least, _mm512_set1_epi32((int)source)));
             }
             continue;
         }
+        left = _mm512_mask_cmpneq_epi32_mask(
+            left, _mm512_mask_i32gather_epi32(_mm512_set1_epi32(-1), left, to, nearest, sizeof(*nearest)),
+            _mm512_set1_epi32(-1));
         _mm512_storeu_si512(values, value);
         for (; left; left &= (__mmask16)(left - 1)) {
             const int k = __builtin_ctz(left);
@@ -71,6 +77,68 @@ static void KERNEL(land_row)(uint32_t *restrict nearest, uint32_t *restrict fart
         }
     }
 }
+#elif defined(__AVX2__)
+#define LAND_LANES 8
+
+static inline __m256i KERNEL(land_place)(const struct sst_landing *l, int axis, __m256i own, __m256i d)
+{
+    const __m256i moved = _mm256_srai_epi32(
+        _mm256_add_epi32(_mm256_mullo_epi32(d, _mm256_set1_epi32(l->step[axis])), _mm256_set1_epi32(l->part[axis])),
+        16);
+
+    return _mm256_add_epi32(_mm256_add_epi32(own, _mm256_set1_epi32(l->whole[axis])), moved);
+}
+
+/* 0 <= v <= most */
+static inline __m256i KERNEL(land_within)(__m256i v, int most)
+{
+    return _mm256_cmpeq_epi32(_mm256_min_epu32(v, _mm256_set1_epi32(most)), v);
+}
+
+static void KERNEL(land_row)(uint32_t *restrict nearest, uint32_t *restrict farthest, const struct sst_landing *l,
+                             const uint16_t *restrict disp, const uint8_t *restrict rank, size_t n)
+{
+    const __m256i lane = _mm256_set_epi32(7, 6, 5, 4, 3, 2, 1, 0), closed = _mm256_set1_epi32(-1);
+    const struct sst_landing v = *l;
+    const uint32_t source = v.source << 16;
+    size_t i = 0;
+
+    for (; i + LAND_LANES <= n; i += LAND_LANES) {
+        const __m256i d = _mm256_cvtepu16_epi32(_mm_loadu_si128((const __m128i *)(const void *)(disp + i)));
+        const __m256i x = KERNEL(land_place)(&v, 0, _mm256_add_epi32(lane, _mm256_set1_epi32((int)i)), d);
+        const __m256i y = KERNEL(land_place)(&v, 1, _mm256_set1_epi32(v.y), d);
+        const __m256i to = _mm256_add_epi32(_mm256_mullo_epi32(y, _mm256_set1_epi32(v.width)), x);
+        const __m256i lands =
+            _mm256_and_si256(KERNEL(land_within)(d, 65534), _mm256_and_si256(KERNEL(land_within)(x, v.width - 1),
+                                                                             KERNEL(land_within)(y, v.height - 1)));
+        const __m256i there =
+            _mm256_mask_i32gather_epi32(closed, (const int *)(const void *)nearest, to, lands, sizeof(*nearest));
+        __m256i value = _mm256_slli_epi32(_mm256_add_epi32(d, _mm256_set1_epi32(1)), SST_LANDED_DISP);
+        unsigned open = ~(unsigned)_mm256_movemask_ps(_mm256_castsi256_ps(_mm256_cmpeq_epi32(there, closed))) & 0xFF;
+        int32_t at[LAND_LANES];
+        uint32_t values[LAND_LANES];
+
+        if (!open)
+            continue;
+        if (rank)
+            value = _mm256_or_si256(value,
+                                    _mm256_cvtepu8_epi32(_mm_loadl_epi64((const __m128i *)(const void *)(rank + i))));
+        _mm256_storeu_si256((__m256i *)(void *)at, to);
+        _mm256_storeu_si256((__m256i *)(void *)values, value);
+        for (; open; open &= open - 1) {
+            const int k = __builtin_ctz(open);
+
+            KERNEL(land)(nearest, farthest, at[k], values[k], source);
+        }
+    }
+    if (i < n) {
+        struct sst_landing rest = v;
+
+        rest.whole[0] += (int32_t)i;
+        sst_land_row_ref(nearest, farthest, &rest, disp + i, rank ? rank + i : NULL, n - i);
+    }
+}
+#undef LAND_LANES
 #else
 static void KERNEL(land_row)(uint32_t *restrict nearest, uint32_t *restrict farthest, const struct sst_landing *l,
                              const uint16_t *restrict disp, const uint8_t *restrict rank, size_t n)

@@ -131,30 +131,33 @@ static void paths(void **state SST_UNUSED)
     struct sst_kernels k;
 
     for (int round = 0; round < 40; round++) {
-        const ptrdiff_t step = round % 2 ? SST_HYPOTHESES : -SST_HYPOTHESES;
-        const size_t first = step > 0 ? 0 : ENTRIES - SST_HYPOTHESES, all = ENTRIES * sizeof(uint16_t);
+        const ptrdiff_t step = round % 2 ? 1 : -1;
+        const size_t first = step > 0 ? 0 : W - 1, entry = first * SST_HYPOTHESES, all = ENTRIES * sizeof(uint16_t);
         struct sst_hypothesis_penalty penalty;
-        uint16_t *data[5], want[2][ENTRIES], got[2][ENTRIES]; /* sum, cost, hypothesis, from, its hypotheses */
+        struct sst_hypothesis_before before[W];
+        uint16_t *data[5], want[2][ENTRIES], got[2][ENTRIES]; /* sum, cost, hypothesis, path before, its hypotheses */
         const uint8_t *colour = guard_random(W, &seed);
-        uint8_t *count = guard_random(W, &seed);
 
-        for (int x = 0; x < W; x++)
-            count[x] &= 3;
         for (int i = 0; i < 5; i++) {
             data[i] = guard_random(all, &seed);
             random_path(&penalty, data[i], ENTRIES, i == 2 || i == 4 ? 32769 : SST_HYPOTHESIS_FAR);
         }
-        memcpy(want[1], data[0], all);
-        sst_hypothesis_path_row_ref(want[0] + first, want[1] + first, data[1] + first, data[2] + first, data[3] + first,
-                                    data[4] + first, colour + first / SST_HYPOTHESES, count + first / SST_HYPOTHESES,
-                                    &penalty, step, W);
-        FOR_EACH_LEVEL(k, level)
-        {
-            memcpy(got[1], data[0], all);
-            k.hypothesis_path_row(got[0] + first, got[1] + first, data[1] + first, data[2] + first, data[3] + first,
-                                  data[4] + first, colour + first / SST_HYPOTHESES, count + first / SST_HYPOTHESES,
+        for (int x = 0; x < W; x++) {
+            for (int i = 0; x % 3 == 1 && i < SST_HYPOTHESES; i++) /* one hypothesis, the last that can be read */
+                data[3][x * SST_HYPOTHESES + i] = i ? SST_HYPOTHESIS_FAR : 0;
+            before[x] = (struct sst_hypothesis_before){ data[3] + x * SST_HYPOTHESES,
+                                                        data[4] + (x % 3 == 1 ? ENTRIES - 1 : x * SST_HYPOTHESES) };
+        }
+        for (int level = SST_CPU_REF; level < SST_CPU_LEVELS; level++) {
+            uint16_t(*to)[ENTRIES] = level == SST_CPU_REF ? want : got;
+
+            if (!sst_kernels_at((enum sst_cpu_level)level, &k))
+                continue;
+            memcpy(to[1], data[0], all);
+            k.hypothesis_path_row(&(struct sst_hypothesis_steps){ to[0] + entry, to[1] + entry, data[1] + entry,
+                                                                  data[2] + entry, before + first, colour + first },
                                   &penalty, step, W);
-            assert_memory_equal(got, want, 2 * all);
+            assert_memory_equal(to, want, 2 * all);
         }
         guard_free_all();
     }
@@ -164,32 +167,30 @@ static void paths(void **state SST_UNUSED)
 static void path_along_a_row(void **state SST_UNUSED)
 {
     struct sst_hypothesis_penalty penalty = { .near = 32 };
-    uint16_t path[3 * SST_HYPOTHESES] = { 0 }, sum[3 * SST_HYPOTHESES] = { 0 }, cost[3 * SST_HYPOTHESES] = { 0 };
-    uint16_t hypothesis[3 * SST_HYPOTHESES];
-    const uint8_t colour[2] = { 0 }, count[2] = { SST_HYPOTHESES, 2 }, one[2] = { 2, 1 };
+    uint16_t start[SST_HYPOTHESES], path[2 * SST_HYPOTHESES], sum[2 * SST_HYPOTHESES], hypothesis[2 * SST_HYPOTHESES];
+    const uint16_t cost[2 * SST_HYPOTHESES] = { 0 };
+    const uint8_t colour[2] = { 0 };
     struct sst_kernels k;
 
     penalty.p1[0] = 10;
     penalty.p2[0] = 100;
-    for (int i = 0; i < 3 * SST_HYPOTHESES; i++)
+    for (int i = 0; i < 2 * SST_HYPOTHESES; i++)
         hypothesis[i] = (uint16_t)(i % SST_HYPOTHESES * 1000);
     for (int i = 0; i < SST_HYPOTHESES; i++)
-        path[i] = i == 5 ? 0 : 300;
+        start[i] = i == 5 ? 0 : 300;
     for (int level = SST_CPU_REF; level < SST_CPU_LEVELS; level++) {
+        const struct sst_hypothesis_before before[2] = { { start, hypothesis }, { path, hypothesis } };
+
         if (!sst_kernels_at((enum sst_cpu_level)level, &k))
             continue;
-        k.hypothesis_path_row(path + SST_HYPOTHESES, sum + SST_HYPOTHESES, cost + SST_HYPOTHESES,
-                              hypothesis + SST_HYPOTHESES, path, hypothesis, colour, count, &penalty, SST_HYPOTHESES,
-                              2);
-        for (int i = 0; i < SST_HYPOTHESES; i++)
-            assert_int_equal(path[2 * SST_HYPOTHESES + i], i == 5 ? 0 : 100);
-        sum[2 * SST_HYPOTHESES] = 7;
-        k.hypothesis_path_row(path + SST_HYPOTHESES, sum + SST_HYPOTHESES, cost + SST_HYPOTHESES,
-                              hypothesis + SST_HYPOTHESES, path, hypothesis, colour, one, &penalty, SST_HYPOTHESES, 2);
-        assert_int_equal(path[SST_HYPOTHESES], 100);
-        assert_int_equal(path[2 * SST_HYPOTHESES], 0); /* nothing to choose */
-        assert_int_equal(path[2 * SST_HYPOTHESES + 5], SST_HYPOTHESIS_FAR);
-        assert_int_equal(sum[2 * SST_HYPOTHESES], 7);
+        memset(sum, 0, sizeof(sum));
+        sum[SST_HYPOTHESES] = 7;
+        k.hypothesis_path_row(&(struct sst_hypothesis_steps){ path, sum, cost, hypothesis, before, colour }, &penalty,
+                              1, 2);
+        for (int i = 0; i < 2 * SST_HYPOTHESES; i++)
+            assert_int_equal(path[i], i % SST_HYPOTHESES == 5 ? 0 : 100);
+        assert_int_equal(sum[0], 100);
+        assert_int_equal(sum[SST_HYPOTHESES], 107);
     }
 }
 
@@ -235,7 +236,7 @@ static void check_landing(const struct sst_kernels *k, int n, unsigned values)
     l.whole[0] = below(5) - 2;
     l.y = below(H);
     for (int i = 0; i < W * H; i++)
-        want[i] = below(2) ? want[i] & 0xFFFF : 0;
+        want[i] = below(2) ? want[i] & 0xFFFF : below(4) ? 0 : SST_LANDED_CLOSED;
     memcpy(got, want, bytes);
     memcpy(got_far, want_far, bytes);
     sst_land_row_ref(want, both ? want_far : NULL, &l, disp, rank, (size_t)n);

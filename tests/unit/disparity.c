@@ -663,7 +663,8 @@ static void multi_view_check(void **state SST_UNUSED)
 /* Is there a disparity within a pixel of d where d, 1/64 px, puts a pixel of the view under check? */
 static bool shows(const struct sst_checked_view *v, double disp_min, int x, int y, int d)
 {
-    const int xn = sst_shifted(x, sst_shift_by(-v->bx, disp_min), d), yn = sst_shifted(y, sst_shift_by(-v->by, disp_min), d);
+    const int xn = sst_shifted(x, sst_shift_by(-v->bx, disp_min), d),
+              yn = sst_shifted(y, sst_shift_by(-v->by, disp_min), d);
 
     return xn >= 0 && yn >= 0 && xn < v->disp_q6->width && yn < v->disp_q6->height &&
            sst_map_u16_row(v->disp_q6, yn)[xn] != NONE && abs(sst_map_u16_row(v->disp_q6, yn)[xn] - d) <= 64;
@@ -710,8 +711,8 @@ static void checks_equal_plain_ones(void **state SST_UNUSED)
 
         for (int k = 0; k < 3; k++) {
             other[k] = few_disparities(w, h, &seed);
-            from.view[k] =
-                (struct sst_checked_view){ &other[k], NULL, 4 * sst_random(&seed) - 2, k ? 4 * sst_random(&seed) - 2 : 0 };
+            from.view[k] = (struct sst_checked_view){ &other[k], NULL, 4 * sst_random(&seed) - 2,
+                                                      k ? 4 * sst_random(&seed) - 2 : 0 };
         }
         sst_disparity_check_views(&status, &own, &from, steps);
         for (int i = 0; i < w * h; i++) {
@@ -743,8 +744,8 @@ static int filled_at_3(const struct known *near, int near_n, const struct known 
 {
     static const uint16_t values[LONG] = { 64, 64, 64, 777, 320, 320, 320, 320 };
     static const uint8_t own[LONG] = { 0, 0, 0, SST_DISPARITY_OCCLUSION, 0, 0, 0, 0 };
-    struct sst_map_u16 d = map16(LONG, 1, values), near_d = map16(LONG, 1, NULL), far_d = map16(LONG, 1, NULL),
-                       scratch = map16(LONG, 1, NULL);
+    struct sst_map_u16 d = map16(LONG, 1, values), near_d = map16(LONG, 1, NULL), far_d = map16(LONG, 1, NULL);
+    uint32_t scratch[LONG];
     struct sst_map_u8 status = map8(LONG, 1, own, 0), near_s = map8(LONG, 1, NULL, SST_DISPARITY_MISMATCH),
                       far_s = map8(LONG, 1, NULL, SST_DISPARITY_MISMATCH);
     const struct sst_checked_views from = {
@@ -761,14 +762,13 @@ static int filled_at_3(const struct known *near, int near_n, const struct known 
         far_s.data[far[i].q] = SST_DISPARITY_CORRECT;
     }
     near_d.data[7] = 256; /* not correct: would land at 3 */
-    sst_fill_views(&d, &status, &from, &scratch);
+    sst_fill_views(&d, &status, &from, scratch);
     got = d.data[3];
     for (int x = 0; x < LONG; x++)
         assert_true(x == 3 || d.data[x] == values[x]);
     sst_map_u16_fini(&d);
     sst_map_u16_fini(&near_d);
     sst_map_u16_fini(&far_d);
-    sst_map_u16_fini(&scratch);
     sst_map_u8_fini(&status);
     sst_map_u8_fini(&near_s);
     sst_map_u8_fini(&far_s);
@@ -792,13 +792,12 @@ static void occlusions(void **state SST_UNUSED)
 /* Fill a map that has no neighbours; in and out [height][width]. */
 static void fill_alone(int width, int height, const uint16_t *in, const uint8_t *status_in, const uint16_t *want)
 {
-    struct sst_map_u16 d = map16(width, height, in), scratch = map16(width, height, NULL);
+    struct sst_map_u16 d = map16(width, height, in);
     struct sst_map_u8 status = map8(width, height, status_in, SST_DISPARITY_OCCLUSION);
 
-    sst_fill_views(&d, &status, &(struct sst_checked_views){ .count = 0 }, &scratch);
+    sst_fill_views(&d, &status, &(struct sst_checked_views){ .count = 0 }, NULL);
     holds(&d, want);
     sst_map_u16_fini(&d);
-    sst_map_u16_fini(&scratch);
     sst_map_u8_fini(&status);
 }
 
@@ -843,8 +842,9 @@ static int by_value(const void *a, const void *b)
 /* The lower median of the nearest correct pixels in 16 directions. */
 static int plain_median(const uint16_t *d, const uint8_t *status, const int size[2], int i)
 {
-    static const int way[16][2] = { { 2, 0 },  { 2, 1 },   { 2, 2 },   { 1, 2 },   { 0, 2 },  { -1, 2 }, { -2, 2 }, { -2, 1 },
-                                    { -2, 0 }, { -2, -1 }, { -2, -2 }, { -1, -2 }, { 0, -2 }, { 1, -2 }, { 2, -2 }, { 2, -1 } };
+    static const int way[16][2] = { { 2, 0 },  { 2, 1 },  { 2, 2 },  { 1, 2 },   { 0, 2 },   { -1, 2 },
+                                    { -2, 2 }, { -2, 1 }, { -2, 0 }, { -2, -1 }, { -2, -2 }, { -1, -2 },
+                                    { 0, -2 }, { 1, -2 }, { 2, -2 }, { 2, -1 } };
     uint16_t found[16];
     int n = 0;
 

@@ -40,6 +40,18 @@ static int keep_map(struct sst_map_u16 *map, const struct sst_map_u16 *size)
     return sst_map_u16_init(map, size->width, size->height);
 }
 
+/* Let surfaces land where pixels have a choice. */
+static void open_pixels(uint32_t *nearest, const struct sst_visible_view *v)
+{
+    for (int y = 0; y < v->disp->height; y++, nearest += v->disp->width) {
+        const uint8_t *agreed = v->agreed && v->agreed->data ? sst_map_u8_row(v->agreed, y) : NULL;
+        const uint16_t *d = sst_map_u16_row(v->disp, y);
+
+        for (int x = 0; x < v->disp->width; x++)
+            nearest[x] = agreed && agreed[x] && d[x] != SST_DISP_NONE ? SST_LANDED_CLOSED : 0;
+    }
+}
+
 /* Surfaces of the matched views around. */
 static int project_around(struct sst_around *a, const struct sst_visible_views *in, int k)
 {
@@ -52,7 +64,7 @@ static int project_around(struct sst_around *a, const struct sst_visible_views *
     err = err ? err : keep_map(&a->projected.near, own->disp);
     if (err)
         return err;
-    memset(landed.nearest, 0, pixels * sizeof(*words));
+    open_pixels(landed.nearest, own);
     memset(landed.farthest, 0xFF, pixels * sizeof(*words));
     for (int i = 0; i < in->count; i++) {
         const struct sst_visible_view *v = &in->view[i];
@@ -65,9 +77,9 @@ static int project_around(struct sst_around *a, const struct sst_visible_views *
         const size_t row = (size_t)y * (size_t)own->disp->width;
 
         for (size_t x = 0; x < (size_t)own->disp->width; x++) {
-            const uint32_t above = landed.nearest[row + x] >> SST_LANDED_DISP; /* 0: nothing */
+            const uint32_t there = landed.nearest[row + x], above = there >> SST_LANDED_DISP; /* 0: nothing */
 
-            near[x] = (uint16_t)(above - (above != 0));
+            near[x] = (uint16_t)(there == SST_LANDED_CLOSED ? 0 : above - (above != 0));
             far[x] = (uint16_t)landed.farthest[row + x];
         }
     }
@@ -259,8 +271,8 @@ static inline int add_candidates(list_lanes *list, int count, const struct sst_s
     return count;
 }
 
-/* Which pixels have no other hypothesis than their own disparity, from column `left` on: settled pixels, pixels inside a
- * surface? */
+/* Which pixels have no other hypothesis than their own disparity, from column `left` on: settled pixels, pixels inside
+ * a surface? */
 static void find_alone(uint8_t *restrict alone, const struct around_row *r, int left, int n)
 {
     const int apart = r->apart;

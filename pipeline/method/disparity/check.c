@@ -4,15 +4,12 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "pipeline/kernels/kernels.h"
 #include "pipeline/lightfield/shift.h"
 #include "pipeline/method/disparity/visible.h"
 
 #define AGREE_Q6   64 /* |d - D_n| <= 1 px */
 #define DIRECTIONS 16
-#define BLOCK      64         /* pixels of a row that are projected together */
-#define CELLS      64         /* a row or column of cells at most */
-#define ARRIVED    1          /* added to a disparity that is projected onto a pixel; 0: none is */
-#define BARRED     UINT16_MAX /* in its place where no pixel is left: no disparity is larger */
 
 /* Places of pixels in a neighbour at whole disparities, from their own place in the view under check on. */
 struct places {
@@ -117,8 +114,7 @@ static int drop_seen(uint16_t *column, int columns, const struct neighbour *n, i
 
     for (int i = 0; i < columns; i++) {
         const int x = column[i];
-        const int step =
-            last >= 0 && agrees(n, x, y, last * (int)SST_DISP_SCALE) ? last : find_agreement(n, x, y);
+        const int step = last >= 0 && agrees(n, x, y, last * (int)SST_DISP_SCALE) ? last : find_agreement(n, x, y);
 
         column[left] = (uint16_t)x;
         left += step < 0;
@@ -165,140 +161,62 @@ void sst_disparity_check_views(struct sst_map_u8 *status, const struct sst_map_u
         check_row(sst_map_u8_row(status, row.y), sst_map_u16_row(disp_q6, row.y), &row, column);
 }
 
-/* Where pixels are left to fill: their number in the square cells above and to the left of each cell's corner. */
-struct wanted {
-    int cols, rows, shift; /* a cell has 2^shift pixels a side */
-    int32_t above_left[CELLS + 1][CELLS + 1];
-};
-
-static void wanted_init(struct wanted *w, int width, int height)
-{
-    w->shift = 4;
-    while (sst_max_int(width, height) > CELLS << w->shift)
-        w->shift++;
-    w->cols = ((width - 1) >> w->shift) + 1;
-    w->rows = ((height - 1) >> w->shift) + 1;
-}
-
 static bool is_wanted(uint8_t status, uint16_t disp)
 {
     return status == SST_DISPARITY_OCCLUSION && disp == SST_DISP_NONE;
 }
 
-/* @return how many pixels are left */
-static int count_wanted(struct wanted *w, const struct sst_map_u16 *disp, const struct sst_map_u8 *status)
+/* Let disparities land where pixels are left, and nowhere else. @return false: none is left */
+static bool open_wanted(uint32_t *out, const struct sst_map_u16 *disp, const struct sst_map_u8 *status)
 {
-    memset(w->above_left, 0, sizeof(w->above_left));
-    for (int y = 0; y < disp->height; y++) {
+    unsigned any = 0;
+
+    for (int y = 0; y < disp->height; y++, out += disp->width) {
         const uint16_t *d = sst_map_u16_row(disp, y);
         const uint8_t *s = sst_map_u8_row(status, y);
-        int32_t *cell = w->above_left[(y >> w->shift) + 1] + 1;
 
         for (int x = 0; x < disp->width; x++) {
-            if (is_wanted(s[x], d[x]))
-                cell[x >> w->shift]++;
+            const bool wanted = is_wanted(s[x], d[x]);
+
+            out[x] = wanted ? 0 : SST_LANDED_CLOSED;
+            any |= wanted;
         }
     }
-    for (int row = 1; row <= w->rows; row++) {
-        int32_t left = 0;
-
-        for (int col = 1; col <= w->cols; col++) {
-            left += w->above_left[row][col];
-            w->above_left[row][col] = left + w->above_left[row - 1][col];
-        }
-    }
-    return w->above_left[w->rows][w->cols];
-}
-
-/* Is any pixel left in the cells of columns x0 .. x1 and rows y0 .. y1? */
-static bool any_wanted(const struct wanted *w, int x0, int x1, int y0, int y1)
-{
-    const int left = sst_max_int(x0, 0) >> w->shift, right = sst_min_int((x1 >> w->shift) + 1, w->cols);
-    const int top = sst_max_int(y0, 0) >> w->shift, end = sst_min_int((y1 >> w->shift) + 1, w->rows);
-
-    return left < right && top < end &&
-           w->above_left[end][right] - w->above_left[top][right] - w->above_left[end][left] + w->above_left[top][left];
-}
-
-/* How far disparities of a neighbour move its pixels. */
-struct shifts {
-    struct sst_shift across, down;
-};
-
-/* Can any disparity of n pixels of a row from index `at` on put its pixel where one is left? */
-static bool reaches_wanted(const struct wanted *w, const struct shifts *s, const struct sst_map_u16 *map, int at, int n)
-{
-    const int x = at % map->width, y = at / map->width;
-    const uint16_t *d = sst_map_u16_row(map, y) + x;
-    uint16_t least = SST_DISP_NONE, most = 0;
-    int x_least, x_most, y_least, y_most;
-
-    for (int i = 0; i < n; i++) {
-        const uint16_t above = (uint16_t)(d[i] + 1); /* of none: 0 */
-
-        least = d[i] < least ? d[i] : least;
-        most = above > most ? above : most;
-    }
-    if (!most--)
-        return false;
-    x_least = sst_shifted(x, s->across, least);
-    x_most = sst_shifted(x, s->across, most);
-    y_least = sst_shifted(y, s->down, least);
-    y_most = sst_shifted(y, s->down, most);
-    return any_wanted(w, sst_min_int(x_least, x_most), sst_max_int(x_least, x_most) + n - 1,
-                      sst_min_int(y_least, y_most), sst_max_int(y_least, y_most));
-}
-
-/* Let disparities arrive where pixels are left, and nowhere else: most pixels of a neighbour then write nothing. */
-static void open_wanted(struct sst_map_u16 *out, const struct sst_map_u16 *disp, const struct sst_map_u8 *status)
-{
-    for (int y = 0; y < disp->height; y++) {
-        const uint16_t *d = sst_map_u16_row(disp, y);
-        const uint8_t *s = sst_map_u8_row(status, y);
-        uint16_t *to = sst_map_u16_row(out, y);
-
-        for (int x = 0; x < disp->width; x++)
-            to[x] = (uint16_t)(is_wanted(s[x], d[x]) ? 0 : BARRED);
-    }
+    return any;
 }
 
 /* Project the correct pixels of a neighbour into this view, to where pixels are left; the nearest surface wins.
- * @param out  from open_wanted() */
-static void project(struct sst_map_u16 *out, const struct wanted *w, const struct sst_checked_view *n,
-                    double disp_min_px)
+ * @param out  [height][width] from open_wanted() */
+static void project(uint32_t *out, const struct sst_checked_view *n, double disp_min_px)
 {
-    const struct shifts shifts = { sst_shift_by(n->bx, disp_min_px), sst_shift_by(n->by, disp_min_px) };
+    struct sst_landing l = { .width = n->disp_q6->width, .height = n->disp_q6->height };
+    uint16_t correct[SST_IMAGE_MAX_SIDE];
 
-    for (int i = 0; i < out->height * ((out->width + BLOCK - 1) / BLOCK); i++) {
-        const int blocks = (out->width + BLOCK - 1) / BLOCK, yn = i / blocks, from = i % blocks * BLOCK;
-        const int end = sst_min_int(from + BLOCK, out->width), at = yn * out->width + from;
-        const uint16_t *d = sst_map_u16_row(n->disp_q6, yn);
-        const uint8_t *ok = sst_map_u8_row(n->status, yn);
+    if (fmax(fabs(n->bx), fabs(n->by)) > SST_LANDED_FAR) /* shows nothing of this view */
+        return;
+    sst_shift_parts(sst_shift_by(n->bx, disp_min_px), &l.whole[0], &l.part[0], &l.step[0]);
+    sst_shift_parts(sst_shift_by(n->by, disp_min_px), &l.whole[1], &l.part[1], &l.step[1]);
+    for (; l.y < l.height; l.y++) {
+        const uint16_t *d = sst_map_u16_row(n->disp_q6, l.y);
+        const uint8_t *status = sst_map_u8_row(n->status, l.y);
 
-        for (int xn = reaches_wanted(w, &shifts, n->disp_q6, at, end - from) ? from : end; xn < end; xn++) {
-            const int x = sst_shifted(xn, shifts.across, d[xn]), y = sst_shifted(yn, shifts.down, d[xn]);
-            uint16_t *to;
-
-            if ((unsigned)x >= (unsigned)out->width || (unsigned)y >= (unsigned)out->height)
-                continue;
-            to = &sst_map_u16_row(out, y)[x];
-            if (d[xn] + ARRIVED > *to && ok[xn] == SST_DISPARITY_CORRECT)
-                *to = (uint16_t)(d[xn] + ARRIVED);
-        }
+        for (int x = 0; x < l.width; x++)
+            correct[x] = (uint16_t)(d[x] | -(status[x] != SST_DISPARITY_CORRECT));
+        sst_kernels_get()->land_row(out, NULL, &l, correct, NULL, (size_t)l.width);
     }
 }
 
 /* Copy the projected value to every pixel that is left. */
-static void copy_projected(struct sst_map_u16 *disp, const struct sst_map_u8 *status,
-                           const struct sst_map_u16 *projected)
+static void copy_projected(struct sst_map_u16 *disp, const uint32_t *projected)
 {
-    for (int y = 0; y < disp->height; y++) {
-        const uint16_t *p = sst_map_u16_row(projected, y);
-        const uint8_t *s = sst_map_u8_row(status, y);
+    for (int y = 0; y < disp->height; y++, projected += disp->width) {
         uint16_t *d = sst_map_u16_row(disp, y);
 
-        for (int x = 0; x < disp->width; x++)
-            d[x] = (uint16_t)(!is_wanted(s[x], d[x]) ? d[x] : p[x] ? p[x] - ARRIVED : (int)SST_DISP_NONE);
+        for (int x = 0; x < disp->width; x++) {
+            const uint32_t there = projected[x] >> SST_LANDED_DISP;
+
+            d[x] = projected[x] && projected[x] != SST_LANDED_CLOSED ? (uint16_t)(there - 1) : d[x];
+        }
     }
 }
 
@@ -396,10 +314,8 @@ void sst_fill_background(struct sst_map_u16 *disp)
 }
 
 void sst_fill_views(struct sst_map_u16 *disp_q6, const struct sst_map_u8 *status, const struct sst_checked_views *from,
-                    struct sst_map_u16 *scratch)
+                    uint32_t *scratch)
 {
-    struct wanted wanted;
-
     for (int y = 0; y < disp_q6->height; y++) {
         uint16_t *d = sst_map_u16_row(disp_q6, y);
 
@@ -412,16 +328,14 @@ void sst_fill_views(struct sst_map_u16 *disp_q6, const struct sst_map_u8 *status
                 d[x] = SST_DISP_NONE;
         }
     }
-    wanted_init(&wanted, disp_q6->width, disp_q6->height);
     for (int i = 0; i < from->count;) {
         const int end = i < from->near ? from->near : from->count;
 
-        if (!count_wanted(&wanted, disp_q6, status))
+        if (!open_wanted(scratch, disp_q6, status))
             break;
-        open_wanted(scratch, disp_q6, status);
         for (; i < end; i++)
-            project(scratch, &wanted, &from->view[i], from->disp_min_px);
-        copy_projected(disp_q6, status, scratch);
+            project(scratch, &from->view[i], from->disp_min_px);
+        copy_projected(disp_q6, scratch);
     }
     sst_fill_background(disp_q6);
 }

@@ -430,8 +430,16 @@ static void take_chosen(const struct visible_tested *t, const uint32_t *chosen)
         for (size_t x = 0; x < width; x++)
             t->lists->count[(size_t)y * width + x] =
                 (from[x] & 0xFFFF) == SST_DISP_NONE ? 0 : (uint8_t)(1 + (from[x] >> 29));
-        if (visible_counts_skipped(t->p))
-            visible_count_skipped(t, y, chosen);
+        for (size_t x = 0; visible_counts_skipped(t->p) && x < width; x += HYPOTHESIS_STRIP) {
+            const size_t at = (size_t)y * width + x;
+            const struct hypothesis_part part = { .hypothesis = t->lists->hypothesis + at * SST_HYPOTHESES,
+                                                  .count = t->lists->count + at,
+                                                  .left = (int)x,
+                                                  .y = y,
+                                                  .n = sst_min_int(HYPOTHESIS_STRIP, (int)(width - x)) };
+
+            visible_count_skipped(t, &part, from + x);
+        }
     }
 }
 

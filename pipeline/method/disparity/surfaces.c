@@ -11,8 +11,6 @@
 #include "base/mem.h"
 #include "pipeline/method/disparity/visible_internal.h"
 
-#define STRIP 128 /* columns that are tested together */
-
 bool visible_counts_skipped(const struct visible_pass *p)
 {
     return p->in->skip_hypotheses && p->in->report;
@@ -38,26 +36,23 @@ static int cheapest(const uint16_t *cost, int count)
     return best;
 }
 
-void visible_count_skipped(const struct visible_tested *t, int y, const uint32_t *chosen)
+void visible_count_skipped(const struct visible_tested *t, const struct hypothesis_part *part, const uint32_t *chosen)
 {
     struct visible_counted *counted = &t->p->counted[t->k];
-    const struct hypothesis_lists *l = t->lists;
-    const size_t row = (size_t)y * (size_t)l->width, entries = row * SST_HYPOTHESES;
-    const bool sampled = y % VISIBLE_SAMPLED_ROWS == VISIBLE_SAMPLED_ROWS / 2;
+    const bool sampled = part->y % VISIBLE_SAMPLED_ROWS == VISIBLE_SAMPLED_ROWS / 2;
     struct sst_hypothesis_test whole = t->test;
-    uint16_t *exact = l->line[1];
+    uint16_t exact[HYPOTHESIS_STRIP * SST_HYPOTHESES];
 
     whole.settled = VISIBLE_CHANGE + 1;
     if (sampled) {
-        sst_kernels_get()->hypothesis_cost_row(exact, l->hypothesis + entries, l->count + row, &whole, 0, y,
-                                               (size_t)l->width);
-        prefer_own(exact, l->count + row, l->width);
+        sst_kernels_get()->hypothesis_cost_row(exact, part->hypothesis, part->count, &whole, part->left, part->y,
+                                               (size_t)part->n);
+        prefer_own(exact, part->count, part->n);
     }
-    for (int x = 0; x < l->width; x++) {
-        const int count = l->count[row + (size_t)x];
-        const size_t at = (size_t)x * SST_HYPOTHESES;
-        const uint32_t there = chosen ? chosen[row + (size_t)x] : 0;
-        const uint16_t own = l->cost[entries + at];
+    for (int x = 0; x < part->n; x++) {
+        const int count = part->count[x], at = x * SST_HYPOTHESES;
+        const uint32_t there = chosen ? chosen[x] : 0;
+        const uint16_t own = chosen ? 0 : part->cost[at];
         const bool left_out = chosen ? there >> 28 & 1 : own > VISIBLE_CHANGE && own < VISIBLE_CHEAP;
 
         counted->hypotheses += count;
@@ -65,37 +60,27 @@ void visible_count_skipped(const struct visible_tested *t, int y, const uint32_t
         counted->samples += sampled && count;
         counted->changed +=
             sampled && count &&
-            cheapest(exact + at, count) != (chosen ? (int)(there >> 25 & 7) : cheapest(l->cost + entries + at, count));
+            cheapest(exact + at, count) != (chosen ? (int)(there >> 25 & 7) : cheapest(part->cost + at, count));
     }
 }
 
-/* Hypotheses of a view and their costs: in strips, so that the rows of the other views that one row needs are in the
- * cache for the next. */
-static void test_hypotheses(const struct visible_tested *t)
+/* Hypotheses of a strip and their costs: the rows of the other views that one row needs are in the cache for the next.
+ */
+static void test_strip(const struct visible_tested *t, int left)
 {
     struct hypothesis_lists *l = t->lists;
+    uint16_t hypothesis[HYPOTHESIS_STRIP * SST_HYPOTHESES], cost[HYPOTHESIS_STRIP * SST_HYPOTHESES];
+    uint8_t count[HYPOTHESIS_STRIP];
+    struct hypothesis_part part = { hypothesis, cost, count, left, 0, sst_min_int(HYPOTHESIS_STRIP, l->width - left) };
 
-    for (int left = 0; left < l->width; left += STRIP) {
-        const int n = sst_min_int(STRIP, l->width - left);
-
-        for (int y = 0; y < l->height; y++) {
-            const size_t at = (size_t)y * (size_t)l->width + (size_t)left;
-            uint16_t *hypothesis = l->hypothesis + at * SST_HYPOTHESES, *cost = l->cost + at * SST_HYPOTHESES;
-
-            sst_around_list(hypothesis, l->count + at, t->around, t->view, &(struct sst_around_part){ left, y, n });
-            sst_kernels_get()->hypothesis_cost_row(cost, hypothesis, l->count + at, &t->test, left, y, (size_t)n);
-            prefer_own(cost, l->count + at, n);
-        }
+    for (; part.y < l->height; part.y++) {
+        sst_around_list(hypothesis, count, t->around, t->view, &(struct sst_around_part){ left, part.y, part.n });
+        sst_kernels_get()->hypothesis_cost_row(cost, hypothesis, count, &t->test, left, part.y, (size_t)part.n);
+        prefer_own(cost, count, part.n);
+        if (visible_counts_skipped(t->p))
+            visible_count_skipped(t, &part, NULL);
+        hypothesis_lists_add(l, &part, t->test.settled);
     }
-}
-
-/* Where no other hypothesis was tested, the pixel's own disparity is the only one. */
-static void settle_row(struct hypothesis_lists *l, const struct sst_hypothesis_test *test, int y)
-{
-    const size_t row = (size_t)y * (size_t)l->width;
-
-    for (size_t x = row; x < row + (size_t)l->width; x++)
-        l->count[x] = l->count[x] > 1 && l->cost[x * SST_HYPOTHESES] < test->settled ? 1 : l->count[x];
 }
 
 /* Costs, optimisation and choice. */
@@ -104,17 +89,14 @@ static void choose(const struct visible_tested *t)
     struct visible_pass *p = t->p;
     struct hypothesis_lists *lists = t->lists;
 
-    test_hypotheses(t);
-    for (int y = 0; y < lists->height; y++) {
-        if (visible_counts_skipped(p))
-            visible_count_skipped(t, y, NULL);
-        settle_row(lists, &t->test, y);
-        hypothesis_paths_along(lists, &p->penalty, &t->test.own, y);
+    for (int left = 0; left < lists->width; left += HYPOTHESIS_STRIP) {
+        test_strip(t, left);
+        hypothesis_paths_down(lists, &p->penalty, &t->test.own, left / HYPOTHESIS_STRIP);
     }
-    hypothesis_paths_down(lists, &p->penalty, &t->test.own, 1);
-    hypothesis_paths_down(lists, &p->penalty, &t->test.own, -1);
-    for (int y = 0; y < lists->height; y++)
+    for (int y = 0; y < lists->height; y++) {
+        hypothesis_paths_along(lists, &p->penalty, &t->test.own, y);
         hypothesis_choose_row(lists, y, sst_map_u16_row(&p->out[t->k], y), sst_map_u8_row(&p->confidence[t->k], y));
+    }
 }
 
 int visible_begin(struct visible_tested *t, struct visible_pass *p, int k, struct visible_scratch *scratch)

@@ -5,6 +5,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/mem.h"
 #include "base/thread.h"
 #include "pipeline/method/disparity/disparity_internal.h"
 
@@ -21,7 +22,8 @@ int run_describe(void *arg, int view, int worker)
     struct disparity_run *run = arg;
     const struct sst_view *v = &run->lf->views[view];
     struct sst_descriptor *desc = &run->desc[view];
-    const enum sst_cost census = run->costs && !run->cache ? (enum sst_cost)(run->cfg->cost & SST_COST_CENSUS) : (enum sst_cost)0;
+    const enum sst_cost census =
+        run->costs && !run->cache ? (enum sst_cost)(run->cfg->cost & SST_COST_CENSUS) : (enum sst_cost)0;
     int err;
 
     if (!v->present || !run->need[view])
@@ -190,8 +192,9 @@ int run_check(void *arg, int view, int worker SST_UNUSED)
 int run_fill(void *arg, int view, int worker SST_UNUSED)
 {
     struct disparity_run *run = arg;
-    struct sst_map_u16 scratch = { 0 }, *out = &run->filled[view];
+    struct sst_map_u16 *out = &run->filled[view];
     struct sst_checked_views from;
+    uint32_t *scratch = NULL;
     int err;
 
     if (!run->lf->views[view].present)
@@ -200,11 +203,13 @@ int run_fill(void *arg, int view, int worker SST_UNUSED)
     err = run_cancelled(run);
     sst_map_u16_fini(out);
     err = err ? err : sst_map_u16_init(out, run->width, run->height);
-    err = err ? err : sst_map_u16_init(&scratch, run->width, run->height);
+    if (!err)
+        scratch = sst_mem_alloc_raw((size_t)run->width * (size_t)run->height, sizeof(*scratch));
+    err = err || scratch ? err : -ENOMEM;
     if (!err) {
         memcpy(out->data, run->disp[view].data, out->stride * (size_t)out->height);
-        sst_fill_views(out, &run->status[view], &from, &scratch);
+        sst_fill_views(out, &run->status[view], &from, scratch);
     }
-    sst_map_u16_fini(&scratch);
+    sst_mem_free(scratch);
     return err;
 }

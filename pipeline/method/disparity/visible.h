@@ -237,9 +237,9 @@ void sst_disparity_check_views(struct sst_map_u8 *status, const struct sst_map_u
  * the rest the smaller of the nearest correct disparities to both sides (background). The result is dense if any pixel
  * is correct.
  *
- * @param scratch  of the same size; without neighbours NULL
+ * @param scratch  [height][width]; without neighbours NULL
  */
 void sst_fill_views(struct sst_map_u16 *disp_q6, const struct sst_map_u8 *status, const struct sst_checked_views *from,
-                    struct sst_map_u16 *scratch);
+                    uint32_t *scratch);
 
 #endif

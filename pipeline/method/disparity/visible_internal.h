@@ -18,13 +18,24 @@ struct visible_packed {
     int similar; /* levels, by the picture's noise */
 };
 
-/** Hypotheses of a view, [height][width][SST_HYPOTHESES], and scratch. */
+#define HYPOTHESIS_STRIP 128 /* columns that are tested together */
+
+/** Hypotheses of a view. Pixels that have a choice are listed strip by strip, and in a strip row by row. */
 struct hypothesis_lists {
     int width, height;
-    uint16_t *hypothesis, *cost, *sum;
-    uint8_t *count;
-    uint16_t *line[2]; /* paths of two rows */
-    uint8_t *colour;   /* steps of a row */
+    uint8_t *count;                    /* [height][width]; 1: nothing is to choose, 0: nothing is known */
+    uint16_t *first;                   /* [height][width] the first one of each pixel */
+    int *start;                        /* [strips][height] entries before a row of a strip, and their number in all */
+    uint16_t *column;                  /* [entries] */
+    uint16_t *hypothesis, *cost, *sum; /* [entries][SST_HYPOTHESES] */
+    uint16_t *line[2];                 /* paths of two rows of a strip */
+};
+
+/** Hypotheses of pixels of a row, and their costs, [n][SST_HYPOTHESES]. */
+struct hypothesis_part {
+    const uint16_t *hypothesis, *cost;
+    const uint8_t *count;
+    int left, y, n;
 };
 
 /** Memory of a thread, used for one view after the other. */
@@ -98,9 +109,10 @@ SST_MUST_CHECK int visible_begin(struct visible_tested *t, struct visible_pass *
 
 bool visible_counts_skipped(const struct visible_pass *p);
 
-/** Count hypotheses that skipping left out in row y, and measure in some rows what that changes.
- * @param chosen  [height][width] of each pixel: number of its hypothesis << 25, left out << 28; NULL: by the costs */
-void visible_count_skipped(const struct visible_tested *t, int y, const uint32_t *chosen);
+/** Count hypotheses that skipping left out, and measure in some rows how many choices change.
+ * @param part    of at most HYPOTHESIS_STRIP pixels, hypotheses of sampled rows; without costs: as chosen
+ * @param chosen  [n] of each pixel: number of its hypothesis << 25, left out << 28; NULL: by the costs */
+void visible_count_skipped(const struct visible_tested *t, const struct hypothesis_part *part, const uint32_t *chosen);
 
 /* --- hypotheses.c --- */
 
@@ -108,13 +120,16 @@ void visible_count_skipped(const struct visible_tested *t, int y, const uint32_t
 SST_MUST_CHECK int hypothesis_lists_init(struct hypothesis_lists *l, int width, int height);
 void hypothesis_lists_fini(struct hypothesis_lists *l);
 
-/** The two paths along row y, its first sums. */
+/** Add the next row of a strip: the pixels whose first hypothesis costs `settled` or more have a choice. */
+void hypothesis_lists_add(struct hypothesis_lists *l, const struct hypothesis_part *part, unsigned settled);
+
+/** The two paths along row y, added to the sums. */
 void hypothesis_paths_along(struct hypothesis_lists *l, const struct sst_hypothesis_penalty *penalty,
                             const struct sst_packed_view *view, int y);
 
-/** The path from above (dir 1) or below (dir -1) through all rows, added to the sums. */
+/** The paths from above and from below through a strip, added to the sums. */
 void hypothesis_paths_down(struct hypothesis_lists *l, const struct sst_hypothesis_penalty *penalty,
-                           const struct sst_packed_view *view, int dir);
+                           const struct sst_packed_view *view, int strip);
 
 /** The cheapest hypothesis of each pixel of row y; where it is not the pixel's own disparity, the confidence is the
  *  distance to the next. */
