@@ -14,6 +14,7 @@
 #define SST_CONSENSUS_BLOCK                                                                                            \
     64 /* pixels; rows that kernels write are multiples of it, and rows that they read reach as far */
 #define SST_CONSENSUS_PART  16 /* pixels of a block that are claimed together */
+#define SST_CONSENSUS_HALF  32 /* pixels of a block of which none is computed where no part is claimed */
 #define SST_CONSENSUS_VIEWS 36 /* at most: SST_CONSENSUS_REACH for each four stay below a byte */
 #define SST_CONSENSUS_SEEDS 12 /* first views whose colours are tried */
 #define SST_CONSENSUS_NEAR  28 /* largest difference of two colours of the first round that agree */
@@ -54,7 +55,7 @@ struct sst_consensus_test {
  * SST_CONSENSUS_LEAST more views.
  * @param out  as above; the cost is 255 where no view claims the plane
  * @return a bit for each SST_CONSENSUS_PART pixels, first ones lowest: do enough views claim the plane at one of them?
- * If nowhere, all costs are 255 and the colours stay.
+ * If at none of SST_CONSENSUS_HALF pixels, their costs are 255 and their colours any.
  */
 typedef uint8_t sst_consensus_again_fn(uint8_t *const out[4], const struct sst_consensus_view *view, int views,
                                        const struct sst_consensus_test *test);

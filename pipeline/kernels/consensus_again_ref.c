@@ -2,8 +2,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "pipeline/kernels/consensus_ref.h"
 
-#include <string.h>
-
 static int claims_of(const struct sst_consensus_view *view, int views, const struct sst_consensus_test *t, int x)
 {
     int claims = 0;
@@ -48,9 +46,13 @@ uint8_t sst_consensus_again_ref(uint8_t *const out[4], const struct sst_consensu
 
     for (int x = 0; x < SST_CONSENSUS_BLOCK; x++)
         claimed |= (unsigned)(claims_of(view, views, test, x) >= test->claims) << x / SST_CONSENSUS_PART;
-    if (!claimed)
-        memset(out[3], 255, SST_CONSENSUS_BLOCK);
-    for (int x = 0; claimed && x < SST_CONSENSUS_BLOCK; x++)
-        find(out, view, views, test, x);
+    for (int x = 0; x < SST_CONSENSUS_BLOCK; x++) {
+        const int half = x / SST_CONSENSUS_HALF * (SST_CONSENSUS_HALF / SST_CONSENSUS_PART);
+
+        if (claimed >> half & ((1U << SST_CONSENSUS_HALF / SST_CONSENSUS_PART) - 1))
+            find(out, view, views, test, x);
+        else
+            out[3][x] = 255;
+    }
     return (uint8_t)claimed;
 }

@@ -257,16 +257,20 @@ static inline uint8_t KERNEL(consensus_claimed)(const struct sst_consensus_view 
     return (uint8_t)claimed;
 }
 
+/* Is a part of the half of pixel x claimed? */
+static inline bool KERNEL(consensus_half)(unsigned claimed, size_t x)
+{
+    const unsigned parts = SST_CONSENSUS_HALF / SST_CONSENSUS_PART;
+
+    return claimed >> x / SST_CONSENSUS_HALF * parts & ((1U << parts) - 1);
+}
+
 static uint8_t KERNEL(consensus_again)(uint8_t *const out[4], const struct sst_consensus_view *view, int views,
                                        const struct sst_consensus_test *t)
 {
     const uint8_t claimed = KERNEL(consensus_claimed)(view, views, t);
     uint8_t table[2][64];
 
-    if (!claimed) {
-        memset(out[3], 255, SST_CONSENSUS_BLOCK);
-        return 0;
-    }
     KERNEL(consensus_reciprocals)(table);
     for (size_t x = 0; x < SST_CONSENSUS_BLOCK; x += SIMD_BYTES) {
         struct KERNEL(consensus_sum) sum[3] = { 0 }, trimmed[3] = { 0 }, apart = { 0 };
@@ -274,6 +278,8 @@ static uint8_t KERNEL(consensus_again)(uint8_t *const out[4], const struct sst_c
                 visible[SST_CONSENSUS_VIEWS];
         simd_u8 cost;
 
+        if (SIMD_BYTES <= SST_CONSENSUS_HALF ? !KERNEL(consensus_half)(claimed, x) : !claimed)
+            continue;
         for (int k = 0; k < views; k++) {
             const simd_u8 plane = simd_load_u8(view[k].plane + x);
 
@@ -299,6 +305,10 @@ static uint8_t KERNEL(consensus_again)(uint8_t *const out[4], const struct sst_c
         for (int c = 0; c < 3; c++)
             simd_store_u8(out[c] + x, colour[c]);
         simd_store_u8(out[3] + x, cost | (simd_u8)(claims == 0));
+    }
+    for (size_t x = 0; x < SST_CONSENSUS_BLOCK; x += SST_CONSENSUS_HALF) {
+        if (!KERNEL(consensus_half)(claimed, x))
+            memset(out[3] + x, 255, SST_CONSENSUS_HALF);
     }
     return claimed;
 }

@@ -21,7 +21,7 @@ struct field {
     struct sst_planesweep all;
 };
 
-static void make_field(struct field *f, int width, int height)
+static void make_scene(struct field *f, const char *name, int width, int height)
 {
     struct sst_scene_config cfg;
     struct sst_scene *scene;
@@ -31,7 +31,7 @@ static void make_field(struct field *f, int width, int height)
     sst_scene_config_defaults(&cfg);
     cfg.width = width;
     cfg.height = height;
-    assert_int_equal(sst_scene_create(&scene, "bush", &cfg), 0);
+    assert_int_equal(sst_scene_create(&scene, name, &cfg), 0);
     sst_scene_range(scene, &least, &most);
     for (int k = 0; k < VIEWS; k++) {
         f->view[k] = (struct sst_planesweep_view){
@@ -49,6 +49,11 @@ static void make_field(struct field *f, int width, int height)
                                       .disp_min_px = floor(least),
                                       .range = (int)(ceil(most) - floor(least)),
                                       .threads = 2 };
+}
+
+static void make_field(struct field *f, int width, int height)
+{
+    make_scene(f, "bush", width, height);
 }
 
 static void free_maps(struct field *f)
@@ -129,6 +134,58 @@ static void maps_are_right_over_tiles(void **state SST_UNUSED)
     free_field(&f);
 }
 
+/* Half the contrast, so that small pictures differ little from the consensus at half size. */
+static void darken(struct sst_image *image)
+{
+    for (int c = 0; c < 3; c++) {
+        for (int y = 0; y < image->height; y++) {
+            uint8_t *row = sst_image_row(image, c, y);
+
+            for (int x = 0; x < image->width; x++)
+                row[x] /= 2;
+        }
+    }
+}
+
+/* Large views start from maps of half size, and are nearly as right, for any number of threads. */
+static void large_views_start_from_half_size(void **state SST_UNUSED)
+{
+    enum { WIDTH = 241, HEIGHT = 151 };
+    double whole = 0, half = 0;
+    struct sst_map_u16 disp;
+    bool differ = false;
+    struct field f;
+
+    make_scene(&f, "pedestrian", WIDTH, HEIGHT);
+    for (int k = 0; k < VIEWS; k++)
+        darken(&f.image[k]);
+    assert_int_equal(sst_planesweep(&f.all), 0);
+    for (int k = 0; k < VIEWS; k++)
+        whole += off(&f, k, 0, HEIGHT) / VIEWS;
+    disp = f.disp[5];
+    f.disp[5] = (struct sst_map_u16){ 0 };
+    free_maps(&f);
+    f.all.large = WIDTH * HEIGHT;
+    assert_int_equal(sst_planesweep(&f.all), 0);
+    for (int k = 0; k < VIEWS; k++)
+        half += off(&f, k, 0, HEIGHT) / VIEWS;
+    print_message("off by more than 1 px: %.2f %%, from half size %.2f %%\n", whole, half);
+    assert_true(half < 1.3 * whole + 1);
+    for (int y = 0; y < HEIGHT; y++)
+        differ |= memcmp(sst_map_u16_row(&disp, y), sst_map_u16_row(&f.disp[5], y), WIDTH * sizeof(uint16_t)) != 0;
+    assert_true(differ);
+    sst_map_u16_fini(&disp);
+    disp = f.disp[5];
+    f.disp[5] = (struct sst_map_u16){ 0 };
+    free_maps(&f);
+    f.all.threads = 3;
+    assert_int_equal(sst_planesweep(&f.all), 0);
+    for (int y = 0; y < HEIGHT; y++)
+        assert_memory_equal(sst_map_u16_row(&disp, y), sst_map_u16_row(&f.disp[5], y), WIDTH * sizeof(uint16_t));
+    sst_map_u16_fini(&disp);
+    free_field(&f);
+}
+
 static void masked_pixels_and_missing_views_have_no_say(void **state SST_UNUSED)
 {
     enum { MASKED = 6, MISSING = 9 };
@@ -152,6 +209,12 @@ static void masked_pixels_and_missing_views_have_no_say(void **state SST_UNUSED)
     print_message("off by more than 1 px: %.2f %% of all views, %.2f %% without one and a half\n", before, after);
     assert_true(after < before + 2.5);
     assert_null(f.disp[MISSING].data);
+    free_maps(&f);
+    f.all.large = 160 * 80;
+    assert_int_equal(sst_planesweep(&f.all), 0);
+    print_message("from half size %.2f %%\n", off(&f, 5, 0, 80));
+    assert_true(off(&f, 5, 0, 80) < before + 7);
+    assert_null(f.disp[MISSING].data);
     free_field(&f);
 }
 
@@ -168,6 +231,11 @@ static void small_and_flat_pictures_have_maps(void **state SST_UNUSED)
             f.view[k] =
                 (struct sst_planesweep_view){ &f.image[k], NULL, k % SIDE * 1.3, -k / SIDE, &f.disp[k], &f.cost[k] };
         }
+        assert_int_equal(sst_planesweep(&f.all), 0);
+        for (int k = 0; k < VIEWS; k++)
+            assert_in_range(sst_map_u16_row(&f.disp[k], 0)[0], 0, 9 * 64);
+        free_maps(&f);
+        f.all.large = 1;
         assert_int_equal(sst_planesweep(&f.all), 0);
         for (int k = 0; k < VIEWS; k++)
             assert_in_range(sst_map_u16_row(&f.disp[k], 0)[0], 0, 9 * 64);
@@ -200,6 +268,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         thread_test(any_number_of_threads_gives_the_same_maps),
         plain_test(maps_are_right_over_tiles),
+        plain_test(large_views_start_from_half_size),
         serial_test(masked_pixels_and_missing_views_have_no_say),
         cmocka_unit_test(small_and_flat_pictures_have_maps),
         cmocka_unit_test(limits_and_cancelling_end_it),

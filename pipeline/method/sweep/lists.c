@@ -9,6 +9,7 @@
 #include "pipeline/method/sweep/sweep_internal.h"
 
 #define GROUPS ((SWEEP_TILE + SWEEP_LOOK) / SWEEP_GROUP + 2) /* with the rows above and below */
+#define NEAR   1 /* listed planes are at most so far from a plane of the view's own map */
 #define PARTS  (SST_CONSENSUS_BLOCK / SST_CONSENSUS_PART)
 
 int sweep_lists_init(const struct sweep *s, struct sweep_lists *l)
@@ -18,7 +19,8 @@ int sweep_lists_init(const struct sweep *s, struct sweep_lists *l)
     l->on = sst_mem_alloc(entries, GROUPS);
     l->plane = sst_mem_alloc(entries, GROUPS);
     l->count = sst_mem_alloc((size_t)s->blocks, GROUPS);
-    return l->on && l->plane && l->count ? 0 : -ENOMEM;
+    l->own = sst_mem_alloc(entries, 1);
+    return l->on && l->plane && l->count && l->own ? 0 : -ENOMEM;
 }
 
 void sweep_lists_fini(struct sweep_lists *l)
@@ -26,6 +28,7 @@ void sweep_lists_fini(struct sweep_lists *l)
     sst_mem_free(l->on);
     sst_mem_free(l->plane);
     sst_mem_free(l->count);
+    sst_mem_free(l->own);
 }
 
 static int group_of(const struct sweep *s, int y)
@@ -69,6 +72,29 @@ static void list_plane(uint8_t *on, const struct sweep *s, const struct sweep_pl
     }
 }
 
+/* Planes near the view's own map in blocks of rows[0] .. rows[1]. */
+static void find_own(const struct sweep *s, const struct sweep_lists *l, int k, const int rows[2])
+{
+    for (int b = 0; b < s->blocks; b++) {
+        const int left = b * SST_CONSENSUS_BLOCK, end = sst_min_int(left + SST_CONSENSUS_BLOCK, s->width);
+        uint8_t near[256 + 2 * NEAR] = { 0 }, *own = near + NEAR;
+
+        for (int y = rows[0]; y <= rows[1]; y++) {
+            const uint8_t *plane = s->view[k].plane + (size_t)y * s->stride + SWEEP_PAD;
+
+            for (int x = left; x < end; x++)
+                own[plane[x]] = 1;
+        }
+        for (int i = 0; i < s->planes; i++) {
+            uint8_t any = 0;
+
+            for (int j = -NEAR; j <= NEAR; j++)
+                any |= own[i + j];
+            l->own[i * s->blocks + b] = any;
+        }
+    }
+}
+
 /* The lists of a group of rows. */
 static void list_group(const struct sweep *s, const struct sweep_lists *l, int k, int top, int bottom)
 {
@@ -77,11 +103,15 @@ static void list_group(const struct sweep *s, const struct sweep_lists *l, int k
     uint8_t *on = l->on + at, *count = l->count + group_of(s, top) * s->blocks;
 
     memset(count, 0, (size_t)s->blocks);
+    if (s->start)
+        find_own(s, l, k, rows);
     for (int i = 0; i < s->planes; i++, on += s->blocks) {
         if (s->again)
             list_plane(on, s, &s->plane[i], s->plane[i].shift[k], rows);
         else
             memset(on, 1, (size_t)s->blocks);
+        for (int b = 0; s->start && b < s->blocks; b++)
+            on[b] &= l->own[i * s->blocks + b];
         for (int b = 0; b < s->blocks; b++) {
             if (i == s->planes - 1 && !count[b]) /* nothing is claimed: any plane */
                 on[b] = 1;

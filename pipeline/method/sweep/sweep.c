@@ -17,13 +17,10 @@
 
 #define BYTES     ((size_t)3 << 30)
 #define PLANES    128 /* at most ... */
-#define ENOUGH    81  /* ... as far from each other as makes this many, but at least this far, 1/64 px ... */
-#define FINEST    32
-#define COARSEST  64 /* ... and at most this far */
-#define TOLERANCE 2  /* planes that are nearer to each other are one surface */
-#define CLAIMS    3  /* views that must claim a plane at some pixel of a block, at most, ... */
-#define CLAIMED   9  /* ... of fewer voters one in so many */
-#define BAND      8  /* rows of all planes that a thread computes: the views' rows stay in the cache */
+#define TOLERANCE 2   /* planes that are nearer to each other are one surface */
+#define CLAIMS    3   /* views that must claim a plane at some pixel of a block, at most, ... */
+#define CLAIMED   9   /* ... of fewer voters one in so many */
+#define BAND      8   /* rows of all planes that a thread computes: the views' rows stay in the cache */
 /* Thresholds of the second round: where views differ little from the consensus, and where they differ much, by noise or
  * by texture that whole pixels do not align. */
 static const struct {
@@ -272,12 +269,11 @@ static int sweep_round(struct sweep *s, bool again)
     return err;
 }
 
-/* Thresholds of the second round by the median cost of the first one. */
-static void set_thresholds(struct sweep *s)
+/* The median cost of the first round. */
+static int median_cost(const struct sweep *s)
 {
-    const int low = thresholds[0].cost, span = thresholds[1].cost - low;
     int64_t pixels = 0, below = 0;
-    int cost = 0, part;
+    int cost = 0;
 
     for (int k = 0; k < s->in->views; k++) {
         for (int c = 0; c < 256; c++)
@@ -289,7 +285,15 @@ static void set_thresholds(struct sweep *s)
         if (2 * below >= pixels)
             break;
     }
-    part = sst_clamp_int(cost - low, 0, span);
+    return cost;
+}
+
+/* Thresholds of the second round by that. */
+static void set_thresholds(struct sweep *s, int median)
+{
+    const int low = thresholds[0].cost, span = thresholds[1].cost - low;
+    const int part = sst_clamp_int(median - low, 0, span);
+
     s->near = (uint8_t)(thresholds[0].near + (thresholds[1].near - thresholds[0].near) * part / span);
     s->most = (uint8_t)(thresholds[0].most + (thresholds[1].most - thresholds[0].most) * part / span);
     s->p2 = (uint8_t)(thresholds[0].p2 + (thresholds[1].p2 - thresholds[0].p2) * part / span);
@@ -313,18 +317,17 @@ static void choose_groups(struct sweep *s)
     s->workers = sst_min_int(threads, s->groups);
 }
 
-static int sweep_init(struct sweep *s, const struct sst_planesweep *in)
+static int sweep_init(struct sweep *s, const struct sst_planesweep *in, int step)
 {
     int err;
 
-    *s = (struct sweep){ .in = in };
+    *s = (struct sweep){ .in = in, .step = step };
     for (int k = 0; k < in->views; k++) {
         if (in->view[k].image) {
             s->width = in->view[k].image->width;
             s->height = in->view[k].image->height;
         }
     }
-    s->step = sst_clamp_int((in->range * 64 + ENOUGH - 2) / (ENOUGH - 1), FINEST, COARSEST);
     s->planes = (in->range * 64 + s->step - 1) / s->step + 1;
     s->blocks = (s->width + SST_CONSENSUS_BLOCK - 1) / SST_CONSENSUS_BLOCK;
     s->stride = sst_mem_stride((size_t)s->width, 1) + 2 * SWEEP_PAD;
@@ -362,15 +365,82 @@ static void sweep_fini(struct sweep *s)
     sst_mem_free(s->all);
 }
 
-int sst_planesweep(const struct sst_planesweep *in)
+/* Rows of cells of 2x2 pixels, with a cell more on both sides. */
+struct cells {
+    uint16_t *disp[2], *green4[2], *out;
+    uint8_t *label;
+};
+
+/* The disparities of row y of maps of half size, and four times the green of its cells. */
+static void load_cells(const struct cells *c, int at, const struct sweep *s, int k, int y)
+{
+    const uint8_t *a = s->view[k].colour[1] + (size_t)(2 * y) * s->stride + SWEEP_PAD;
+    const uint8_t *b = 2 * y + 1 < s->height ? a + s->stride : a;
+    const int n = (s->width + 1) / 2, last = s->width - 1;
+    uint16_t *disp = c->disp[at], *green4 = c->green4[at];
+
+    memcpy(disp + 1, sst_map_u16_row(&s->start[k], y), (size_t)n * sizeof(*disp));
+    for (int x = 0; x < n; x++) {
+        const int right = sst_min_int(2 * x + 1, last);
+
+        green4[x + 1] = (uint16_t)(a[2 * x] + a[right] + b[2 * x] + b[right]);
+    }
+    disp[0] = disp[1];
+    green4[0] = green4[1];
+    disp[n + 1] = disp[n];
+    green4[n + 1] = green4[n];
+}
+
+/* Planes of row y from maps of half size: where another surface is beside, the cell of the nearest colour has it. */
+static void start_row(const struct cells *c, const struct sweep *s, int k, int y)
+{
+    uint8_t *plane = s->view[k].plane + (size_t)y * s->stride + SWEEP_PAD;
+    const int rows = s->start[k].height, beside = sst_clamp_int(y / 2 + (y % 2 ? 1 : -1), 0, rows - 1);
+    const struct sst_enlarge e = { { c->disp[0] + 1, c->disp[1] + 1 },
+                                   { c->green4[0] + 1, c->green4[1] + 1 },
+                                   { c->label + 1, c->label + 1 },
+                                   s->view[k].colour[1] + (size_t)y * s->stride + SWEEP_PAD,
+                                   s->step };
+
+    load_cells(c, 0, s, k, y / 2);
+    load_cells(c, 1, s, k, beside);
+    sst_kernels_get()->enlarge_row(c->out, c->label + s->width + 4, &e, (size_t)(s->width + 1) / 2);
+    for (int x = 0; x < s->width; x++)
+        plane[x] = (uint8_t)sst_min_int((2 * c->out[x] + s->step / 2) / s->step, s->planes - 1);
+}
+
+static int start_view(void *arg, int k, int worker SST_UNUSED)
+{
+    struct sweep *s = arg;
+    const size_t n = (size_t)s->width + 4;
+    uint16_t *memory = sst_mem_alloc(5 * n, sizeof(*memory));
+    uint8_t *label = sst_mem_alloc(2 * n, 1);
+    const struct cells c = { { memory, memory + n }, { memory + 2 * n, memory + 3 * n }, memory + 4 * n, label };
+    const int err = memory && label ? 0 : -ENOMEM;
+
+    for (int y = 0; !err && s->in->view[k].image && y < s->height; y++)
+        start_row(&c, s, k, y);
+    sst_mem_free(memory);
+    sst_mem_free(label);
+    return err;
+}
+
+int sweep_run(const struct sst_planesweep *in, int step, const struct sst_map_u16 *start, int most, int *median)
 {
     struct sweep s;
-    int err = sweep_init(&s, in);
+    int err = sweep_init(&s, in, step);
 
-    err = err ? err : sweep_round(&s, false);
+    s.start = start;
+    if (!err && start)
+        err = sst_parallel_for(in->views, in->threads, start_view, &s);
+    else if (!err)
+        err = sweep_round(&s, false);
+    if (!err && !start)
+        *median = median_cost(&s);
     if (!err)
-        set_thresholds(&s);
-    err = err ? err : sweep_round(&s, true);
+        set_thresholds(&s, *median);
+    if (!err && *median <= most)
+        err = sweep_round(&s, true);
     sweep_fini(&s);
     return err;
 }

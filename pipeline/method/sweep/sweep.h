@@ -22,6 +22,7 @@ struct sst_planesweep {
     double disp_min_px;
     int range;    /* whole pixels from there, at least 1 */
     size_t bytes; /* of the planes' consensus at most; 0: 3 GiB */
+    int large;    /* pixels of a view from which on maps of half size come first; 0: 600000 */
     int threads;
     const SST_ATOMIC(bool) * cancel; /* or NULL */
 };

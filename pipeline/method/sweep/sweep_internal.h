@@ -39,6 +39,7 @@ struct sweep_view {
 struct sweep_lists {
     uint8_t *on;            /* [groups][planes][blocks], 1: the block has the plane */
     uint8_t *plane, *count; /* [groups][blocks][planes], [groups][blocks] of struct sst_consensus_listed */
+    uint8_t *own;           /* [planes][blocks] of a group: not 0: the view's first map has the plane in the block */
 };
 
 /** Costs of a view in work: of three rows, [planes][stride], where planes that a block does not have cost most, and
@@ -63,6 +64,7 @@ struct sweep {
     size_t stride, layer, packed;           /* bytes of a row of a view, of all planes of it, of a packed row */
     struct sweep_view *view;                /* [in->views] */
     struct sweep_plane *plane;              /* [planes] */
+    const struct sst_map_u16 *start;        /* [in->views] of half size that the second round starts from; NULL: none */
     int voter[SST_CONSENSUS_VIEWS], voters; /* views that make the consensus, well spread ones first */
     uint8_t *all;                           /* a row of seen pixels */
     bool again;                             /* second round */
@@ -73,12 +75,24 @@ struct sweep {
     struct sweep_scratch *scratch;          /* [workers] */
 };
 
+/**
+ * Maps of all views, of planes `step` / 64 px apart.
+ *
+ * @param start   [in->views] maps of half size, that take the place of the first round; NULL: none
+ * @param most    largest median: above it there is no second round, and the maps are of any content
+ * @param median  cost of the first round: out, or in where there is none
+ * @return as sst_planesweep()
+ */
+SST_MUST_CHECK int sweep_run(const struct sst_planesweep *in, int step, const struct sst_map_u16 *start, int most,
+                             int *median);
+
 /** @return 0, -ENOMEM; sweep_lists_fini() frees all */
 SST_MUST_CHECK int sweep_lists_init(const struct sweep *s, struct sweep_lists *l);
 void sweep_lists_fini(struct sweep_lists *l);
 
 /** List the planes of view k in the tile's rows, in the row above them and down to row `bottom`: in the first round
- * all, in the second one the planes that are claimed at their pixels or at pixels beside them. */
+ * all, in the second one the planes that are claimed at their pixels or at pixels beside them; after maps of half size
+ * fewer, near the planes of the view's own map in the block. */
 void sweep_lists_make(const struct sweep *s, const struct sweep_lists *l, int k, int bottom);
 
 /** The planes of row y: [planes][blocks], and as lists. */
