@@ -109,10 +109,11 @@ static double gap(const struct poses_model *m, int v)
     return hypot(hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]);
 }
 
-/* Exact sights beside wrong ones: other points of the scene then meet within 0.1 px in the cameras that are found. */
+/* Exact sights beside wrong ones: other points of the scene then meet within 0.1 px in the cameras that are found, the
+ * same bytes with more threads. */
 static void cameras_on_a_line(void **state SST_UNUSED)
 {
-    struct poses_model truth, m, other;
+    struct poses_model truth, m, threaded, other;
     struct poses_tracks tracks, check;
 
     make_truth(&truth, 1);
@@ -121,8 +122,16 @@ static void cameras_on_a_line(void **state SST_UNUSED)
     disturb(&m, 5);
     poses_triangulate(&m, &tracks);
     assert_true(poses_median(&m, &tracks) > 2);
+    assert_int_equal(poses_model_copy(&threaded, &m), 0);
     adjust(&m, &tracks,
            (struct poses_adjust){ .linked = all, .line_along = POSES_LINE_ALONG, .line_across = POSES_LINE_ACROSS });
+    adjust(&threaded, &tracks,
+           (struct poses_adjust){
+               .linked = all, .line_along = POSES_LINE_ALONG, .line_across = POSES_LINE_ACROSS, .threads = 3 });
+    assert_memory_equal(threaded.rotation, m.rotation, VIEWS * sizeof(*m.rotation));
+    assert_memory_equal(threaded.centre, m.centre, VIEWS * sizeof(*m.centre));
+    assert_memory_equal(threaded.point, m.point, POINTS * sizeof(*m.point));
+    poses_model_fini(&threaded);
     assert_true(poses_median(&m, &tracks) < 0.3);
     make_truth(&other, 1);
     for (int t = 0; t < POINTS; t++)

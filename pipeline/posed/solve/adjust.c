@@ -1,12 +1,14 @@
 /* Robust bundle adjustment: Levenberg and Marquardt's steps on views and lens by the Schur complement of the points. */
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
+#include <assert.h>
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/stats.h"
+#include "base/thread.h"
 #include "pipeline/posed/solve/solve_internal.h"
 
 #define LENS_STATES 2    /* focal length in units of itself, k1 */
@@ -14,6 +16,8 @@
 #define NEAR        1e-3 /* smallest depth, in the model's unit */
 #define TRIES       8    /* steps of growing damping before the adjustment ends */
 #define ENOUGH      1e-7 /* relative fall of the cost that ends it */
+#define PARTS       8 /* of the tracks, whose sums are added in their order: the same bytes for any number of threads */
+#define PARTS_ROOM  4000000 /* numbers in the sums of all parts: the skylines of long flights are large */
 
 /* A sight's derivatives, by rotation and centre of its view, its point, and the lens. */
 struct slopes {
@@ -26,6 +30,14 @@ struct coupling {
     double part[4][3], value, sigma;
     int count;
     bool firm; /* without a robust loss */
+};
+
+/* Consecutive tracks, with their part of the normal equations. */
+struct part {
+    int from, to;
+    struct poses_skyline sum;
+    double *vector; /* [states] */
+    double cost;
 };
 
 #define COUPLING_LOSS 9.0 /* squared sigmas from which on couplings give way */
@@ -41,6 +53,8 @@ struct work {
     double *gradient, *step;         /* [states] */
     double *diagonal;                /* [states] */
     struct poses_skyline base, system;
+    struct part part[PARTS];
+    int parts;
     struct coupling *coupling;
     int couplings, states;
     int lens_states; /* that are adjusted: the rest of LENS_STATES has no slopes */
@@ -204,23 +218,53 @@ static double prior_cost(const struct poses_model *m, const struct work *w)
     return cost;
 }
 
-static double data_cost(const struct poses_model *m, const struct work *w)
-{
-    const double s2 = w->how->sigma_px * w->how->sigma_px;
-    double cost = 0, q[3], xy[2];
+/* What the parts of the tracks are computed from, and the model that their points move to. */
+struct parts_job {
+    struct work *work;
+    const struct poses_model *model;
+    struct poses_model *to;
+    double damping;
+};
 
-    for (int i = 0; i < w->tracks->sights; i++) {
-        const struct poses_sight *s = w->tracks->sight + i;
+static void for_parts(struct parts_job *job, sst_work_fn *fn)
+{
+    const int err = sst_parallel_for(job->work->parts, job->work->how->threads, fn, job);
+
+    assert(!err); /* of nothing that the parts do */
+}
+
+static int part_cost(void *arg, int index, int worker SST_UNUSED)
+{
+    const struct parts_job *job = arg;
+    const struct poses_tracks *tracks = job->work->tracks;
+    struct part *part = job->work->part + index;
+    const double s2 = job->work->how->sigma_px * job->work->how->sigma_px;
+    double q[3], xy[2];
+
+    part->cost = 0;
+    for (int i = tracks->first[part->from]; i < tracks->first[part->to]; i++) {
+        const struct poses_sight *s = tracks->sight + i;
         double e2 = BEHIND_COST;
 
-        if (project(m, s, q, xy))
+        if (project(job->model, s, q, xy))
             e2 = ((xy[0] - s->x) * (xy[0] - s->x) + (xy[1] - s->y) * (xy[1] - s->y)) / s2;
-        cost += log1p(e2);
+        part->cost += log1p(e2);
     }
+    return 0;
+}
+
+static double data_cost(const struct poses_model *m, struct work *w)
+{
+    struct parts_job job = { .work = w, .model = m };
+    double cost = 0;
+
+    for_parts(&job, part_cost);
+    for (int i = 0; i < w->parts; i++)
+        cost += w->part[i].cost;
     return cost;
 }
 
-static double cost_of(const struct poses_model *m, const struct work *w)
+static double cost_of(const struct poses_model *m, struct work *w)
 {
     return data_cost(m, w) + prior_cost(m, w);
 }
@@ -263,27 +307,27 @@ static void slopes_of(struct slopes *out, const struct poses_model *m, const str
     out->weight = 1 / (1 + e2) / (how->sigma_px * how->sigma_px);
 }
 
-static void add_views(struct work *w, const struct slopes *o, int view)
+static void add_views(struct part *part, const struct slopes *o, int view)
 {
     for (int i = 0; i < 6; i++) {
-        double *row = w->base.row[6 * view + i] + (ptrdiff_t)6 * view;
+        double *row = part->sum.row[6 * view + i] + (ptrdiff_t)6 * view;
 
         for (int j = 0; j <= i; j++)
             row[j] += o->weight * (o->view[0][i] * o->view[0][j] + o->view[1][i] * o->view[1][j]);
-        w->gradient[6 * view + i] += o->weight * (o->view[0][i] * o->r[0] + o->view[1][i] * o->r[1]);
+        part->vector[6 * view + i] += o->weight * (o->view[0][i] * o->r[0] + o->view[1][i] * o->r[1]);
     }
 }
 
-static void add_lens(struct work *w, const struct slopes *o, int view, int lens)
+static void add_lens(struct part *part, int states, const struct slopes *o, int view, int lens)
 {
-    for (int i = 0; i < w->lens_states; i++) {
-        double *row = w->base.row[lens + i];
+    for (int i = 0; i < states; i++) {
+        double *row = part->sum.row[lens + i];
 
         for (int j = 0; j < 6; j++)
             row[6 * view + j] += o->weight * (o->lens[0][i] * o->view[0][j] + o->lens[1][i] * o->view[1][j]);
         for (int j = 0; j <= i; j++)
             row[lens + j] += o->weight * (o->lens[0][i] * o->lens[0][j] + o->lens[1][i] * o->lens[1][j]);
-        w->gradient[lens + i] += o->weight * (o->lens[0][i] * o->r[0] + o->lens[1][i] * o->r[1]);
+        part->vector[lens + i] += o->weight * (o->lens[0][i] * o->r[0] + o->lens[1][i] * o->r[1]);
     }
 }
 
@@ -359,25 +403,51 @@ static void add_priors(struct work *w, const struct poses_model *m, int lens)
     }
 }
 
-static void linearise(struct work *w, const struct poses_model *m)
+/* Slopes of a part's sights, and their sums. */
+static int linearise_part(void *arg, int index, int worker SST_UNUSED)
 {
-    const int lens = 6 * m->views;
+    const struct parts_job *job = arg;
+    struct work *w = job->work;
+    struct part *part = w->part + index;
+    const size_t from = (size_t)part->from, tracks = (size_t)(part->to - part->from);
+    const int lens = 6 * job->model->views;
 
-    poses_skyline_clear(&w->base);
-    memset(w->gradient, 0, (size_t)w->states * sizeof(*w->gradient));
-    memset(w->block, 0, (size_t)m->tracks * sizeof(*w->block));
-    memset(w->right, 0, (size_t)m->tracks * sizeof(*w->right));
-    memset(w->lens_cross, 0, (size_t)m->tracks * sizeof(*w->lens_cross));
-    for (int i = 0; i < w->tracks->sights; i++) {
+    poses_skyline_clear(&part->sum);
+    memset(part->vector, 0, (size_t)w->states * sizeof(*part->vector));
+    memset(w->block + from, 0, tracks * sizeof(*w->block));
+    memset(w->right + from, 0, tracks * sizeof(*w->right));
+    memset(w->lens_cross + from, 0, tracks * sizeof(*w->lens_cross));
+    for (int i = w->tracks->first[part->from]; i < w->tracks->first[part->to]; i++) {
         const struct poses_sight *s = w->tracks->sight + i;
         struct slopes *o = w->slope + i;
 
-        slopes_of(o, m, s, w->how);
-        add_views(w, o, s->view);
-        add_lens(w, o, s->view, lens);
+        slopes_of(o, job->model, s, w->how);
+        add_views(part, o, s->view);
+        add_lens(part, w->lens_states, o, s->view, lens);
         add_point(w, o, i, s->track);
     }
-    add_priors(w, m, lens);
+    return 0;
+}
+
+/* Add the parts' sums to a matrix and a vector. */
+static void add_parts(const struct work *w, struct poses_skyline *sum, double *vector)
+{
+    for (int p = 0; p < w->parts; p++) {
+        poses_skyline_add(sum, &w->part[p].sum);
+        for (int i = 0; i < w->states; i++)
+            vector[i] += w->part[p].vector[i];
+    }
+}
+
+static void linearise(struct work *w, const struct poses_model *m)
+{
+    struct parts_job job = { .work = w, .model = m };
+
+    for_parts(&job, linearise_part);
+    poses_skyline_clear(&w->base);
+    memset(w->gradient, 0, (size_t)w->states * sizeof(*w->gradient));
+    add_parts(w, &w->base, w->gradient);
+    add_priors(w, m, 6 * m->views);
     for (int i = 0; i < w->states; i++)
         w->diagonal[i] = w->base.row[i][i];
 }
@@ -418,7 +488,7 @@ static double dot3(const double a[3], const double b[3])
 }
 
 /* Subtract the elimination of a point from the blocks of its views and the lens. */
-static void eliminate(struct work *w, int track, int lens)
+static void eliminate(struct part *part, const struct work *w, int track, int lens)
 {
     const int from = w->tracks->first[track], to = w->tracks->first[track + 1];
     const double *inverse = w->inverse[track], *right = w->right[track];
@@ -429,13 +499,13 @@ static void eliminate(struct work *w, int track, int lens)
 
         for (int i = 0; i < 6; i++) {
             times_block(w->cross[s] + (ptrdiff_t)3 * i, inverse, by[i]);
-            w->step[view + i] -= dot3(by[i], right);
+            part->vector[view + i] -= dot3(by[i], right);
         }
         for (int o = from; o <= s; o++) { /* sights of a track ascend by view */
             const int other = 6 * w->tracks->sight[o].view;
 
             for (int i = 0; i < 6; i++) {
-                double *row = w->system.row[view + i] + other;
+                double *row = part->sum.row[view + i] + other;
 
                 for (int j = 0; j < (o == s ? i + 1 : 6); j++)
                     row[j] -= dot3(by[i], w->cross[o] + (ptrdiff_t)3 * j);
@@ -443,20 +513,38 @@ static void eliminate(struct work *w, int track, int lens)
         }
         for (int l = 0; l < w->lens_states; l++) {
             for (int i = 0; i < 6; i++)
-                w->system.row[lens + l][view + i] -= dot3(by[i], w->lens_cross[track] + (ptrdiff_t)3 * l);
+                part->sum.row[lens + l][view + i] -= dot3(by[i], w->lens_cross[track] + (ptrdiff_t)3 * l);
         }
     }
     for (int l = 0; l < w->lens_states; l++) {
         times_block(w->lens_cross[track] + (ptrdiff_t)3 * l, inverse, by[0]);
-        w->step[lens + l] -= dot3(by[0], right);
+        part->vector[lens + l] -= dot3(by[0], right);
         for (int j = 0; j <= l; j++)
-            w->system.row[lens + l][lens + j] -= dot3(by[0], w->lens_cross[track] + (ptrdiff_t)3 * j);
+            part->sum.row[lens + l][lens + j] -= dot3(by[0], w->lens_cross[track] + (ptrdiff_t)3 * j);
     }
 }
 
-/* The step of views and lens for this damping. @return false: the system is singular */
-static bool solve_system(struct work *w, double damping, int lens)
+static int eliminate_part(void *arg, int index, int worker SST_UNUSED)
 {
+    const struct parts_job *job = arg;
+    struct work *w = job->work;
+    struct part *part = w->part + index;
+
+    poses_skyline_clear(&part->sum);
+    memset(part->vector, 0, (size_t)w->states * sizeof(*part->vector));
+    for (int t = part->from; t < part->to; t++) {
+        invert_block(w->block[t], job->damping, w->inverse[t]);
+        eliminate(part, w, t, w->states - LENS_STATES);
+    }
+    return 0;
+}
+
+/* The step of views and lens for this damping. @return false: the system is singular */
+static bool solve_system(struct work *w, double damping)
+{
+    struct parts_job job = { .work = w, .damping = damping };
+
+    for_parts(&job, eliminate_part);
     for (int i = 0; i < w->states; i++) {
         const int first = w->base.first[i];
 
@@ -466,33 +554,22 @@ static bool solve_system(struct work *w, double damping, int lens)
             w->system.row[i][i] = 1; /* not a state in this adjustment */
         w->step[i] = w->gradient[i];
     }
-    for (int t = 0; t < w->tracks->tracks; t++) {
-        invert_block(w->block[t], damping, w->inverse[t]);
-        eliminate(w, t, lens);
-    }
+    add_parts(w, &w->system, w->step);
     if (!poses_skyline_factor(&w->system))
         return false;
     poses_skyline_substitute(&w->system, w->step);
     return true;
 }
 
-/* Moves a copy of the model by the step, and its points by back-substitution. */
-static void move(struct poses_model *to, const struct poses_model *from, const struct work *w)
+/* Points of a part, moved by back-substitution. */
+static int move_part(void *arg, int index, int worker SST_UNUSED)
 {
-    const int lens = 6 * from->views;
-    double turn[9], v[3];
+    const struct parts_job *job = arg;
+    const struct work *w = job->work;
+    const struct part *part = w->part + index;
+    const int lens = 6 * job->model->views;
 
-    for (int k = 0; k < from->views; k++) {
-        for (int i = 0; i < 3; i++) {
-            v[i] = -w->step[6 * k + i];
-            to->centre[k][i] = from->centre[k][i] - w->step[6 * k + 3 + i];
-        }
-        sst_rotation_from_vector(v, turn);
-        sst_numbers_mul3(turn, from->rotation[k], to->rotation[k]);
-    }
-    to->focal = from->focal * exp(-w->step[lens]);
-    to->k1 = from->k1 - w->step[lens + 1];
-    for (int t = 0; t < from->tracks; t++) {
+    for (int t = part->from; t < part->to; t++) {
         double b[3], d[3];
 
         memcpy(b, w->right[t], sizeof(b));
@@ -510,8 +587,29 @@ static void move(struct poses_model *to, const struct poses_model *from, const s
         }
         times_block(b, w->inverse[t], d);
         for (int j = 0; j < 3; j++)
-            to->point[t][j] = from->point[t][j] - d[j];
+            job->to->point[t][j] = job->model->point[t][j] - d[j];
     }
+    return 0;
+}
+
+/* Moves a copy of the model by the step. */
+static void move(struct poses_model *to, const struct poses_model *from, struct work *w)
+{
+    struct parts_job job = { .work = w, .model = from, .to = to };
+    const int lens = 6 * from->views;
+    double turn[9], v[3];
+
+    for (int k = 0; k < from->views; k++) {
+        for (int i = 0; i < 3; i++) {
+            v[i] = -w->step[6 * k + i];
+            to->centre[k][i] = from->centre[k][i] - w->step[6 * k + 3 + i];
+        }
+        sst_rotation_from_vector(v, turn);
+        sst_numbers_mul3(turn, from->rotation[k], to->rotation[k]);
+    }
+    to->focal = from->focal * exp(-w->step[lens]);
+    to->k1 = from->k1 - w->step[lens + 1];
+    for_parts(&job, move_part);
 }
 
 static void work_fini(struct work *w)
@@ -526,8 +624,32 @@ static void work_fini(struct work *w)
     free(w->step);
     free(w->diagonal);
     free(w->coupling);
+    for (int p = 0; p < w->parts; p++) {
+        poses_skyline_fini(&w->part[p].sum);
+        free(w->part[p].vector);
+    }
     poses_skyline_fini(&w->base);
     poses_skyline_fini(&w->system);
+}
+
+/* Parts with about as many sights each. @param first  of the skylines */
+static int parts_init(struct work *w, const int *first)
+{
+    const struct poses_tracks *tracks = w->tracks;
+    const int most = (int)sst_clamp_double((double)PARTS_ROOM / (double)(poses_skyline_size(&w->base) + 1), 1, PARTS);
+    int err = 0;
+
+    for (int p = 0, t = 0; p < most && !err; p++) {
+        struct part *part = w->part + w->parts++;
+
+        part->from = t;
+        while (t < tracks->tracks && (p == most - 1 || (int64_t)tracks->first[t] * most < (int64_t)tracks->sights * (p + 1)))
+            t++;
+        part->to = t;
+        part->vector = malloc((size_t)w->states * sizeof(*part->vector));
+        err = part->vector ? poses_skyline_init(&part->sum, first, w->states) : -ENOMEM;
+    }
+    return err;
 }
 
 /* First columns: views that share a track, or a prior, with this one. */
@@ -554,6 +676,8 @@ static int skylines(struct work *w, int views)
     err = poses_skyline_init(&w->base, first, w->states);
     if (!err)
         err = poses_skyline_init(&w->system, first, w->states);
+    if (!err)
+        err = parts_init(w, first);
     free(first);
     return err;
 }
@@ -607,7 +731,7 @@ int poses_adjust(struct poses_model *model, const struct poses_tracks *tracks, c
         before = cost_of(model, &w);
         linearise(&w, model);
         for (int k = 0; k < TRIES && !better; k++) {
-            if (solve_system(&w, damping, 6 * model->views)) {
+            if (solve_system(&w, damping)) {
                 move(&next, model, &w);
                 after = cost_of(&next, &w);
                 better = isfinite(after) && after < before;

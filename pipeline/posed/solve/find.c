@@ -113,6 +113,7 @@ static int narrow(struct poses_model *m, double *cost, const struct search *s, e
     struct poses_adjust how = adjust_of(s, start);
     int err = 0;
 
+    how.threads = s->attempts == 1 ? s->cfg->threads : 1; /* attempts run beside each other */
     for (size_t i = 0; !err && i < ARRAY_LEN(stage); i++) {
         how.sigma_px = stage[i].sigma_px > 4 ? fmax(stage[i].sigma_px * px, 3) : stage[i].sigma_px;
         how.rounds = stage[i].rounds;
@@ -418,6 +419,7 @@ int poses_find(struct poses_scene *scene, const struct sst_posed_solve_config *c
         how = adjust_of(&s, scene->line ? START_LINE : START_PLANE);
         how.free_focal = !scene->focal_known || cfg->free_lens;
         how.free_k1 = cfg->free_lens;
+        how.threads = cfg->threads;
         err = poses_finish(scene, &how, 8);
     }
     if (!err)

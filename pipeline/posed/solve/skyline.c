@@ -50,6 +50,19 @@ void poses_skyline_clear(struct poses_skyline *m)
     memset(m->pool, 0, skyline_size(m->first, m->n) * sizeof(*m->pool));
 }
 
+size_t poses_skyline_size(const struct poses_skyline *m)
+{
+    return skyline_size(m->first, m->n);
+}
+
+void poses_skyline_add(struct poses_skyline *to, const struct poses_skyline *m)
+{
+    const size_t size = poses_skyline_size(m);
+
+    for (size_t i = 0; i < size; i++)
+        to->pool[i] += m->pool[i];
+}
+
 /* Four sums, for instructions on four numbers. */
 static double dot(const double *a, const double *b, int from, int to)
 {

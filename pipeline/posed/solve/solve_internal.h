@@ -151,6 +151,7 @@ struct poses_prior {
 struct poses_adjust {
     double sigma_px; /* of Cauchy's loss */
     int rounds;      /* at most */
+    int threads;     /* 0: one */
     bool free_focal, free_k1;
     bool still;                      /* centres stay: rotations alone */
     double focal_prior, focal_sigma; /* of the logarithm; 0: none */
@@ -209,6 +210,10 @@ struct poses_skyline {
 SST_MUST_CHECK int poses_skyline_init(struct poses_skyline *m, const int *first, int n);
 void poses_skyline_fini(struct poses_skyline *m);
 void poses_skyline_clear(struct poses_skyline *m);
+/** Numbers that are stored. */
+size_t poses_skyline_size(const struct poses_skyline *m);
+/** Add a matrix of the same skyline. */
+void poses_skyline_add(struct poses_skyline *to, const struct poses_skyline *m);
 /** Cholesky's factor in place. @return false: not positive definite */
 bool poses_skyline_factor(struct poses_skyline *m);
 /** Solve by the factor. @param x  in: right side; out */
