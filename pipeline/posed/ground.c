@@ -10,7 +10,7 @@
 
 #include "base/log.h"
 #include "base/stats.h"
-#include "pipeline/posed/surface_internal.h"
+#include "pipeline/posed/correlation_internal.h"
 
 #define VIEWS      10
 #define WIDTH_PX   512   /* of the compared pictures, about */
@@ -24,15 +24,18 @@
 #define WIDE       20  /* farthest limit over the nearest one: planes behind the ground are many */
 #define OVERLAPPING 0.7  /* of a picture's side: shift of the nearest view at the nearest distance */
 #define LITTLE      0.03 /* ... and of the farthest compared view at the farthest */
-#define SCAN       0.0075 /* distances around the peak, relative */
-#define SCANS      4      /* to both sides */
-#define TILT       0.03   /* tangent: the first step of refinement */
-#define USUAL_TILT 0.07   /* tangent: the spread of grounds' slopes, which tilts are weighed by */
-#define ROUNDS     4
+#define SCAN       0.01  /* distances around the peak, relative */
+#define SCANS      5     /* to both sides */
+#define TILT       0.1   /* tangent: the first step of refinement */
+#define STEEPEST   0.6   /* tangent */
+#define USUAL_TILT 0.4   /* tangent: the spread of grounds' slopes, which tilts are weighed by */
+#define ROUNDS     6     /* of steps, each half as large as before */
 
 struct search {
     const struct sst_virtual *camera;
     struct agree agree;
+    struct correlation correlation;
+    double around, around_slope; /* correlation of planes around the ground, by distance */
     double normal[3], across[2][3]; /* of the sweep's planes, and level axes */
     double along;                   /* of the camera's axis against the normal: negative */
     const SST_ATOMIC(bool) *canceled;
@@ -191,40 +194,75 @@ static double likely(const double tilt[2])
     return exp(-(tilt[0] * tilt[0] + tilt[1] * tilt[1]) / (2 * USUAL_TILT * USUAL_TILT));
 }
 
-/* Keep a trial of distance and tilts if it agrees best so far. */
-static int try_plane(double at[3], double *best, struct search *s, const double trial[3])
+static int correlation_at(double *out, struct search *s, const double trial[3])
 {
     const struct sst_surface plane = plane_at(s, trial[0], trial + 1);
-    struct agree_tally tally;
-    const int err = agree_at(&tally, s, &plane);
-    const double score = err ? 0 : tally.spread * likely(trial + 1);
 
-    if (!err && score > *best) {
-        *best = score;
-        for (int i = 0; i < 3; i++)
-            at[i] = trial[i];
-    }
+    return s->canceled && atomic_load(s->canceled) ? -ECANCELED : correlation_on(out, &s->correlation, &plane);
+}
+
+/* Correlation above the level around, weighed by the tilt; leaves in front correlate less and less from their
+ * distance on, which would draw the ground towards them. */
+static int try_plane(double *score, struct search *s, const double trial[3])
+{
+    double value;
+    const int err = correlation_at(&value, s, trial);
+
+    *score = err ? 0 : (value - s->around - s->around_slope * trial[0]) * likely(trial + 1);
     return err;
 }
 
-/* Distances around the sweep's peak, then steps of distance and of both tilts, smaller in every round. */
+/* The best distance around the sweep's peak. @return 0 (the best is inside, and `best` its score, or there is no peak, and
+ * 0), or an error */
+static int scan(double at[3], double *best, struct search *s)
+{
+    const double first = at[0];
+    double value[2 * SCANS + 1];
+    int err = 0;
+
+    for (int i = 0; i <= 2 * SCANS && !err; i++)
+        err = correlation_at(&value[i], s, (const double[3]){ first * (1 + SCAN * (i - SCANS)), 0, 0 });
+    if (err)
+        return err;
+    s->around_slope = (value[2 * SCANS] - value[0]) / (2 * SCANS * SCAN * first);
+    s->around = (value[2 * SCANS] + value[0]) / 2 - s->around_slope * first;
+    for (int i = 1; i < 2 * SCANS; i++) {
+        const double distance = first * (1 + SCAN * (i - SCANS)), score = value[i] - s->around - s->around_slope * distance;
+
+        if (score > *best) {
+            *best = score;
+            at[0] = distance;
+        }
+    }
+    return 0;
+}
+
+/* Distances around the sweep's peak, then steps of distance and of both tilts, smaller in every round; a step that gains
+ * is repeated. Agreement counts few places; correlation sums all, and fixes the tilt as well. */
 static int refine(struct sst_posed_ground *out, struct search *s, bool level)
 {
     const double first = out->at_mm[out->chosen];
-    double at[3] = { first, 0, 0 }, step[3] = { SCAN / 2 * first, TILT, TILT }, best = -1;
-    int err = 0;
+    double at[3] = { first, 0, 0 }, step[3] = { SCAN / 2 * first, TILT, TILT }, best = 0;
+    int err = scan(at, &best, s);
 
-    for (int i = -SCANS; i <= SCANS && !err; i++)
-        err = try_plane(at, &best, s, (const double[3]){ first * (1 + SCAN * i), 0, 0 });
-    for (int round = 0; round < ROUNDS && !err; round++) {
+    for (int round = 0; round < ROUNDS && best > 0 && !err; round++) {
         for (int k = 0; k < 2 * (level ? 1 : 3) && !err; k++) {
-            double trial[3] = { at[0], at[1], at[2] };
+            bool better = true;
 
-            trial[k / 2] += k % 2 ? step[k / 2] : -step[k / 2];
-            err = try_plane(at, &best, s, trial);
+            while (better && !err) {
+                double trial[3] = { at[0], at[1], at[2] }, score = 0;
+
+                trial[k / 2] += k % 2 ? step[k / 2] : -step[k / 2];
+                if (fabs(trial[0] / first - 1) < SCANS * SCAN && hypot(trial[1], trial[2]) < STEEPEST)
+                    err = try_plane(&score, s, trial);
+                better = !err && score > best;
+                best = better ? score : best;
+                if (better)
+                    memcpy(at, trial, sizeof(at));
+            }
         }
         for (int k = 0; k < 3; k++)
-            step[k] *= 0.6;
+            step[k] *= 0.5;
     }
     out->plane = plane_at(s, at[0], at + 1);
     out->distance_mm = at[0];
@@ -286,9 +324,12 @@ int sst_posed_ground(struct sst_posed_ground *out, const struct sst_posed *posed
         err = err ? err : sweep(&g, &s, range);
         if (!err) {
             g.chosen = farthest_peak(&g, range[1] > WIDE * range[0] ? (double)small.width * small.height : 0);
-            err = g.chosen < 0 ? -ENODATA : refine(&g, &s, cfg->level);
+            err = g.chosen < 0 ? -ENODATA : correlation_init(&s.correlation, &small, &first, &greys, cfg->threads);
         }
         agree_fini(&s.agree);
+        if (!err)
+            err = refine(&g, &s, cfg->level);
+        correlation_fini(&s.correlation);
         if (err == -ENOMEM)
             sst_log_error("no memory to compare %d views", g.views);
         else if (err == -ENODATA)

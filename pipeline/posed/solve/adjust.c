@@ -218,7 +218,7 @@ static double prior_cost(const struct poses_model *m, const struct work *w)
     return cost;
 }
 
-/* What the parts of the tracks are computed from, and the model that their points move to. */
+/* Input of the parts, and the model that their points move to. */
 struct parts_job {
     struct work *work;
     const struct poses_model *model;
