@@ -29,12 +29,16 @@
 #define TILT       0.1   /* tangent: the first step of refinement */
 #define STEEPEST   0.6   /* tangent */
 #define USUAL_TILT 0.4   /* tangent: the spread of grounds' slopes, which tilts are weighed by */
+#define WEAK_TILT  0.07  /* ... where few patches decide */
+#define CLEAR_PEAK 0.33  /* of correlation above that around, in the latter, ... */
+#define LEAST_PEAK 0.002 /* ... and at least: else agreement decides */
 #define ROUNDS     6     /* of steps, each half as large as before */
 
 struct search {
     const struct sst_virtual *camera;
     struct agree agree;
     struct correlation correlation;
+    bool weak; /* the correlation has no clear peak: agreement decides */
     double around, around_slope; /* correlation of planes around the ground, by distance */
     double normal[3], across[2][3]; /* of the sweep's planes, and level axes */
     double along;                   /* of the camera's axis against the normal: negative */
@@ -189,16 +193,25 @@ static int farthest_peak(const struct sst_posed_ground *g, double wide_px)
 }
 
 /* Weight of a tilt: flat ground is likelier, and few patches of ground decide. */
-static double likely(const double tilt[2])
+static double likely(const struct search *s, const double tilt[2])
 {
-    return exp(-(tilt[0] * tilt[0] + tilt[1] * tilt[1]) / (2 * USUAL_TILT * USUAL_TILT));
+    const double usual = s->weak ? WEAK_TILT : USUAL_TILT;
+
+    return exp(-(tilt[0] * tilt[0] + tilt[1] * tilt[1]) / (2 * usual * usual));
 }
 
-static int correlation_at(double *out, struct search *s, const double trial[3])
+/* Correlation of a plane, or agreement. */
+static int value_at(double *out, struct search *s, const double trial[3])
 {
     const struct sst_surface plane = plane_at(s, trial[0], trial + 1);
+    struct agree_tally tally;
+    int err;
 
-    return s->canceled && atomic_load(s->canceled) ? -ECANCELED : correlation_on(out, &s->correlation, &plane);
+    if (!s->weak)
+        return s->canceled && atomic_load(s->canceled) ? -ECANCELED : correlation_on(out, &s->correlation, &plane);
+    err = agree_at(&tally, s, &plane);
+    *out = err ? 0 : tally.spread;
+    return err;
 }
 
 /* Correlation above the level around, weighed by the tilt; leaves in front correlate less and less from their
@@ -206,9 +219,9 @@ static int correlation_at(double *out, struct search *s, const double trial[3])
 static int try_plane(double *score, struct search *s, const double trial[3])
 {
     double value;
-    const int err = correlation_at(&value, s, trial);
+    const int err = value_at(&value, s, trial);
 
-    *score = err ? 0 : (value - s->around - s->around_slope * trial[0]) * likely(trial + 1);
+    *score = err ? 0 : (value - s->around - s->around_slope * trial[0]) * likely(s, trial + 1);
     return err;
 }
 
@@ -221,11 +234,11 @@ static int scan(double at[3], double *best, struct search *s)
     int err = 0;
 
     for (int i = 0; i <= 2 * SCANS && !err; i++)
-        err = correlation_at(&value[i], s, (const double[3]){ first * (1 + SCAN * (i - SCANS)), 0, 0 });
+        err = value_at(&value[i], s, (const double[3]){ first * (1 + SCAN * (i - SCANS)), 0, 0 });
     if (err)
         return err;
-    s->around_slope = (value[2 * SCANS] - value[0]) / (2 * SCANS * SCAN * first);
-    s->around = (value[2 * SCANS] + value[0]) / 2 - s->around_slope * first;
+    s->around_slope = s->weak ? 0 : (value[2 * SCANS] - value[0]) / (2 * SCANS * SCAN * first);
+    s->around = s->weak ? 0 : (value[2 * SCANS] + value[0]) / 2 - s->around_slope * first;
     for (int i = 1; i < 2 * SCANS; i++) {
         const double distance = first * (1 + SCAN * (i - SCANS)), score = value[i] - s->around - s->around_slope * distance;
 
@@ -244,6 +257,13 @@ static int refine(struct sst_posed_ground *out, struct search *s, bool level)
     const double first = out->at_mm[out->chosen];
     double at[3] = { first, 0, 0 }, step[3] = { SCAN / 2 * first, TILT, TILT }, best = 0;
     int err = scan(at, &best, s);
+
+    s->weak = !err && best < fmax(CLEAR_PEAK * (s->around + s->around_slope * first), LEAST_PEAK);
+    if (s->weak) {
+        best = 0;
+        at[0] = first;
+        err = scan(at, &best, s);
+    }
 
     for (int round = 0; round < ROUNDS && best > 0 && !err; round++) {
         for (int k = 0; k < 2 * (level ? 1 : 3) && !err; k++) {
@@ -326,10 +346,10 @@ int sst_posed_ground(struct sst_posed_ground *out, const struct sst_posed *posed
             g.chosen = farthest_peak(&g, range[1] > WIDE * range[0] ? (double)small.width * small.height : 0);
             err = g.chosen < 0 ? -ENODATA : correlation_init(&s.correlation, &small, &first, &greys, cfg->threads);
         }
-        agree_fini(&s.agree);
         if (!err)
             err = refine(&g, &s, cfg->level);
         correlation_fini(&s.correlation);
+        agree_fini(&s.agree);
         if (err == -ENOMEM)
             sst_log_error("no memory to compare %d views", g.views);
         else if (err == -ENODATA)

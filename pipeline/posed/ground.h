@@ -32,7 +32,7 @@ struct sst_posed_ground {
  * Find the ground: planes from near to far, in each pixel the number of views whose 7x7 patches agree (zero-mean
  * normalised correlation above 0.7), as shares of pixels; of the local maxima of the share the farthest one is the
  * ground, nearer ones are canopy. Its distance and tilt are then refined, coarse to fine, to where views correlate most
- * over all pixels, slopes weighed by exp(-tan^2 / (2 0.3^2)).
+ * over all pixels, or, without a clear peak of that, agree most.
  *
  * At most 10 views around the middle are compared, at about 512 px.
  *
