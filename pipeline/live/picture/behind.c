@@ -289,7 +289,7 @@ static bool has_turn(const struct picture_behind *b, const struct sst_live *live
 {
     const int turns = !b->round ? 1 : is_starting(b) ? START_TURNS : turns_of(b, at);
 
-    return !live->cfg.skip_change || b->cell[at].urgent || b->cell[at].stale >= turns || (run_of(b, at) + b->round) % turns == 0;
+    return !live->cfg.skip_change || b->cell[at].stale >= turns || (run_of(b, at) + b->round) % turns == 0;
 }
 
 static void mark_stale(struct picture_behind *b, const struct sst_live *live)
@@ -329,7 +329,6 @@ bool picture_behind_render(struct picture_behind *b, const struct sst_live *live
             if (!b->wanted[i])
                 continue;
             b->cell[i].stale = 0;
-            b->cell[i].urgent = false;
             b->cell[i].score = score(b, &b->agreed, i);
             b->cell[i].calm = (uint8_t)sst_min_int(b->cell[i].calm + 1, CALM);
         }
@@ -367,10 +366,8 @@ static void wake_changed(struct picture_behind *b, const struct picture_memory *
         if (!has_changed(b, m, i))
             continue;
         for (int y = sst_max_int(row - 1, 0); y <= sst_min_int(row + 1, b->rows - 1); y++) {
-            for (int x = sst_max_int(col - 1, 0); x <= sst_min_int(col + 1, b->cols - 1); x++) {
+            for (int x = sst_max_int(col - 1, 0); x <= sst_min_int(col + 1, b->cols - 1); x++)
                 b->cell[y * b->cols + x].calm = 0;
-                b->cell[y * b->cols + x].urgent = true;
-            }
         }
     }
 }

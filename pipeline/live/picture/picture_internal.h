@@ -38,7 +38,6 @@ struct picture_cell {
     uint8_t plane;
     uint8_t stale; /* its rays have changed since it was rendered: 1, and the sets since then, up to a limit */
     uint8_t calm;  /* renderings in a row without news, up to a limit */
-    bool urgent;   /* something changed here or beside it in the last set: it has its turn in the next one */
     float score;   /* mean agreement of its pixels on that plane, 0..255 */
 };
 
