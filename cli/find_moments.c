@@ -33,6 +33,7 @@ static int take_moment(struct sst_posed *part, double *time_s, const struct sst_
     part->points = NULL;
     part->sights = NULL;
     part->view = NULL;
+    part->kept = NULL;
     *time_s = 0;
     for (int k = 0; k < whole->count; k++) {
         n += whole->view[k].moment == moment;
