@@ -1,5 +1,5 @@
 /* pipeline/posed/layers.c, cells.c, weighted.c and picture.h: weights of rays do not depend on the cells that are compared,
- * sums of weighted rays, maps of weights under a lens, pictures that are kept. */
+ * sums of weighted rays, maps of weights under a lens, views that are seen at an edge. */
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
@@ -239,6 +239,56 @@ static void weights_follow_the_lens(void **state SST_UNUSED)
     sst_map_u8_fini(&weight);
 }
 
+/* Views of a strip of the first view's picture, and beside it, that weighted rays and all rays have. */
+static void compare_strip(const struct sst_posed *posed, const struct greys *greys, int left)
+{
+    struct sst_posed_render_config cfg = {
+        .camera = camera_of(greys, 0), .surface = plane(), .threads = 1, .compare_px = WIDTH / 3
+    };
+    struct sst_posed_rendered all = { 0 }, weighted = { 0 };
+    int err;
+
+    cfg.camera.width = 2;
+    cfg.camera.height = 20;
+    cfg.camera.cx -= left;
+    cfg.camera.cy -= 70;
+    err = sst_posed_render(&all, posed, "", &cfg);
+    cfg.method = SST_POSED_THROUGH;
+    assert_int_equal(sst_posed_render(&weighted, posed, "", &cfg), err); /* -ENODATA: none sees it */
+    for (int y = 0; !err && y < 20; y++)
+        assert_memory_equal(sst_map_u16_row(&weighted.views, y), sst_map_u16_row(&all.views, y), 2 * sizeof(uint16_t));
+    sst_posed_rendered_fini(&weighted);
+    sst_posed_rendered_fini(&all);
+}
+
+/* Views of which the virtual camera sees a pixel or two are part of the picture: beyond the last whole pixel of the
+ * smaller pictures, and where a lens bends a picture beyond them. */
+static void edges_of_views_are_seen(void **state SST_UNUSED)
+{
+    struct sst_posed posed;
+    struct greys greys;
+
+    make_views(&greys);
+    assert_int_equal(sst_posed_init(&posed, VIEWS), 0);
+    posed.width = WIDTH;
+    posed.height = HEIGHT;
+    posed.channels = 1;
+    posed.bits = 16;
+    posed.picture = greys.picture;
+    for (int lens = 0; lens <= 5; lens += 5) {
+        for (int k = 0; k < VIEWS; k++) {
+            posed.view[k].camera = greys.camera[k];
+            posed.view[k].camera.lens = lens;
+            posed.view[k].camera.k[0] = -0.4;
+        }
+        for (int left = -6; left < WIDTH + 30; left++)
+            compare_strip(&posed, &greys, left);
+    }
+    posed.picture = NULL;
+    sst_posed_fini(&posed);
+    greys_fini(&greys);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -246,6 +296,7 @@ int main(void)
         cmocka_unit_test(cells_are_those_in_the_picture),
         cmocka_unit_test(equal_weights_give_the_integral),
         cmocka_unit_test(weights_follow_the_lens),
+        cmocka_unit_test(edges_of_views_are_seen),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
