@@ -4,12 +4,17 @@
 #include "pipeline/posed/picture.h"
 
 #include <errno.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
+#include <unistd.h>
 
 #include "base/log.h"
 #include "pipeline/kernels/sha256.h"
 #include "pipeline/posed/posed_internal.h"
+
+#define KEEP_PART 4 /* of the memory: one such part is kept at most */
 
 static int check(const struct sst_posed *posed, const struct sst_deep *deep, const char *path)
 {
@@ -69,11 +74,20 @@ int sst_posed_picture(struct sst_deep *out, const struct sst_posed *posed, const
     return err;
 }
 
+/* Bytes of memory: the machine's, or fewer that the process is limited to. */
+static double memory_bytes(void)
+{
+    const double all = (double)sysconf(_SC_PHYS_PAGES) * (double)sysconf(_SC_PAGESIZE);
+    struct rlimit limit;
+
+    return !getrlimit(RLIMIT_AS, &limit) && limit.rlim_cur != RLIM_INFINITY ? fmin(all, (double)limit.rlim_cur) : all;
+}
+
 void sst_posed_keep(struct sst_posed *posed, double most)
 {
     const double bytes = 2.0 * sst_posed_placed(posed) * posed->width * posed->height * posed->channels;
 
-    if (!posed->picture && !posed->kept && bytes <= most)
+    if (!posed->picture && !posed->kept && bytes <= most && bytes <= memory_bytes() / KEEP_PART)
         posed->kept = calloc((size_t)posed->count, sizeof(*posed->kept));
 }
 

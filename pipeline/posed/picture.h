@@ -11,8 +11,8 @@
  *  @return 0, -ENOENT, -EBADMSG (damaged, of another size, or other bytes than its hash), -ENOMEM, -EIO; logged */
 SST_MUST_CHECK int sst_posed_picture(struct sst_deep *out, const struct sst_posed *posed, const char *dir, int view);
 
-/** Keep pictures that sst_posed_borrow() reads, if all placed views have at most `most` bytes; without memory none
- *  is kept. */
+/** Keep pictures that sst_posed_borrow() reads, if all placed views have at most `most` bytes and a quarter of the
+ *  memory (the machine's, or RLIMIT_AS); without memory none is kept. */
 void sst_posed_keep(struct sst_posed *posed, double most);
 
 /**

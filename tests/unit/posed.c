@@ -6,6 +6,7 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 
 #include "base/file.h"
 #include "base/log.h"
@@ -106,6 +107,7 @@ static void a_folder_is_read_as_it_was_written(void **state SST_UNUSED)
     struct points_file before;
     const struct sst_deep *borrowed[2];
     struct sst_deep picture;
+    struct rlimit usual, few;
 
     make(&posed);
     write_folder(&posed);
@@ -121,6 +123,13 @@ static void a_folder_is_read_as_it_was_written(void **state SST_UNUSED)
 
     /* Pictures that are kept are read once; too many are not kept. */
     sst_posed_keep(&again, 1);
+    assert_null(again.kept);
+    assert_int_equal(getrlimit(RLIMIT_AS, &usual), 0);
+    few = usual;
+    few.rlim_cur = 4 * 2 * MODEL_WIDTH * MODEL_HEIGHT; /* a channel of one view is a quarter */
+    assert_int_equal(setrlimit(RLIMIT_AS, &few), 0);
+    sst_posed_keep(&again, 1e6);
+    assert_int_equal(setrlimit(RLIMIT_AS, &usual), 0);
     assert_null(again.kept);
     sst_posed_keep(&again, 1e6);
     for (int i = 0; i < 2; i++) {
