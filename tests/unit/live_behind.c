@@ -463,15 +463,18 @@ static void few_rays_decide_together(void **state SST_UNUSED)
     picture_memory_fini(&memory);
 }
 
-/* The memory of a hole's pixels goes where another surface has come around it since, and stays beside an old one.
- */
+/* The memory of a hole's pixels goes where another surface has come around it since, or other colours come now, as of a
+ * person at a wall; it stays beside what is old. */
 static void holes_follow_what_has_come(void **state SST_UNUSED)
 {
     static const struct {
         uint16_t disp;        /* around the hole now, ... */
-        uint32_t since_ms;    /* ... since when */
+        uint8_t before;       /* ... level at it before, 0: another surface; it is 100 now */
         enum picture_kind is; /* the hole */
-    } cases[] = { { 640, 200, PICTURE_FILLED }, { 64, 200, PICTURE_REMEMBERED }, { 640, 1, PICTURE_REMEMBERED } };
+    } cases[] = { { 640, 0, PICTURE_FILLED },
+                  { 64, 100, PICTURE_REMEMBERED },
+                  { 640, 100, PICTURE_REMEMBERED },
+                  { 64, 40, PICTURE_FILLED } };
 
     for (size_t i = 0; i < ARRAY_LEN(cases); i++) {
         struct picture_memory memory;
@@ -479,9 +482,10 @@ static void holes_follow_what_has_come(void **state SST_UNUSED)
 
         assert_int_equal(picture_memory_init(&memory, WIDTH, HEIGHT), 0);
         init_merging(&m, &memory);
-        for (int k = 0; k < WIDTH * HEIGHT && cases[i].since_ms == 1; k++)
-            memory.pixel[k] =
-                (struct picture_pixel){ .rgb = { 100, 100, 100 }, .disp = 640, .seen_ms = 1, .since_ms = 1 };
+        for (int k = 0; k < WIDTH * HEIGHT && cases[i].before; k++) {
+            memory.pixel[k] = (struct picture_pixel){ .disp = cases[i].disp, .seen_ms = 1, .since_ms = 1 };
+            memset(memory.pixel[k].rgb, cases[i].before, 3);
+        }
         memory.pixel[32 * WIDTH + 62] =
             (struct picture_pixel){ .rgb = { 9, 9, 9 }, .support = 32, .disp = 64, .seen_ms = 100, .since_ms = 1 };
         paint(&m, everywhere, 100, cases[i].disp, 6);

@@ -2,9 +2,9 @@
  *
  * Every pixel holds the colour and the surface that were last seen there, and since when. A pixel that is seen now
  * either confirms its memory or changes it. A pixel that is not seen shows its memory, unless a contradiction comes
- * from the neighbourhood (most of the nearest pixels that are seen now have just changed: a person came or left), from
- * the reference camera (it shows the same surface there, and that is being removed), or from time (the cameras' tiles
- * changed there, and it was not seen again). */
+ * from the neighbourhood (most of the nearest pixels that are seen now have just changed, or show another surface that
+ * came since: a person came or left), from the reference camera (it shows the same surface there, and that is being
+ * removed), or from time (the cameras' tiles changed there, and it was not seen again). */
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
@@ -246,12 +246,13 @@ static void sum_votes(const struct picture_memory *m, int level)
     }
 }
 
-/* Do the pixels of a cell that are seen show another surface than a pixel holds, which came after it was last seen? */
+/* Do the pixels of a cell that are seen show something else than a pixel holds: have most of them just changed, or do
+ * they show a surface at another distance that came after the pixel was last seen? */
 static bool shows_other(const struct merge *g, const struct picture_votes *v, const struct picture_pixel *p)
 {
-    const bool newer = v->age_ms / v->seen < g->now_ms - p->seen_ms || v->changed > v->same;
+    const bool newer = v->age_ms / v->seen < g->now_ms - p->seen_ms;
 
-    return newer && abs((int)(v->disp / v->seen) - p->disp) > SAME_Q6;
+    return v->changed > v->same || (newer && abs((int)(v->disp / v->seen) - p->disp) > SAME_Q6);
 }
 
 /* Do most of the nearest pixels that are seen now contradict what a pixel holds? */
