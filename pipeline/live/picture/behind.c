@@ -168,17 +168,32 @@ static bool count_holes(struct picture_behind *b, const struct sst_map_u8 *weigh
     return any;
 }
 
+/* A view that shows what is removed: the reference view, another one while its camera delivers nothing; or NULL. */
+static const struct sst_view *front_view(const struct sst_live *live)
+{
+    const struct sst_lightfield *lf = &live->lf;
+    const int views = lf->rows * lf->cols;
+
+    for (int i = 0; i < views; i++) {
+        const int k = (lf->ref_view + i) % views;
+
+        if (live->present[k] && lf->views[k].disp.data)
+            return &lf->views[k];
+    }
+    return NULL;
+}
+
 /* The agreement from which a colour is seen, by its share in the removed pixels of a view and in the seen pixels of the
  * picture: where all rays end in leaves, some of them agree. */
 static void count_colours(struct picture_behind *b, const struct sst_live *live, const struct sst_image *image,
                           const struct sst_map_u8 *weight, double cut_px)
 {
-    const struct sst_view *v = &live->lf.views[live->lf.ref_view];
+    const struct sst_view *v = front_view(live);
     const double cut_q6 = (cut_px - live->lf.disp_min_px) * SST_DISP_SCALE;
     uint32_t front[PICTURE_BEHIND_COLOURS] = { 0 }, behind[PICTURE_BEHIND_COLOURS] = { 0 }, fronts = 0, behinds = 0;
 
     memset(b->least, AGREED, sizeof(b->least));
-    if (!v->disp.data)
+    if (!v)
         return;
     for (int y = 0; y < image->height; y += COUNTED_STEP) {
         const uint16_t *disp = sst_map_u16_row(&v->disp, y);
