@@ -281,7 +281,7 @@ static bool deep_plain(struct sst_deep *deep, const uint8_t *data, size_t size)
 
     for (int i = 0; WITH_DEFLATE && !good && i < 2; i++)
         good = png_plain_read(&p, data, size, kinds[i]);
-    if (!good)
+    if (!WITH_DEFLATE || !good)
         return false;
     good = !p.indexed && !sst_deep_init(deep, p.width, p.height, (int)p.step, 255);
     for (int y = 0; good && y < p.height; y++) {
