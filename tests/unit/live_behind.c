@@ -464,7 +464,7 @@ static void few_rays_decide_together(void **state SST_UNUSED)
 }
 
 /* The memory of a hole's pixels goes where another surface has come around it since, or other colours come now, as of a
- * person at a wall; it stays beside what is old. */
+ * person at a wall; it stays beside an old surface. */
 static void holes_follow_what_has_come(void **state SST_UNUSED)
 {
     static const struct {

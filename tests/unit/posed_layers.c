@@ -154,7 +154,7 @@ static void cells_are_those_in_the_picture(void **state SST_UNUSED)
     greys_fini(&greys);
 }
 
-/* With equal weights the sums are those of the integral, and the weighted mean is the mean. */
+/* Equal weights give the sums of the integral, and its mean. */
 static void equal_weights_give_the_integral(void **state SST_UNUSED)
 {
     const struct sst_surface surface = plane();
@@ -209,7 +209,7 @@ static void equal_weights_give_the_integral(void **state SST_UNUSED)
     greys_fini(&greys);
 }
 
-/* A map is that of weights with its border repeated; under a lens a weight is where the lens maps its place. */
+/* Map of weights: the border is repeated; under a lens a weight lies where the lens maps its place. */
 static void weights_follow_the_lens(void **state SST_UNUSED)
 {
     struct sst_calib_camera cam = { .fx = FOCAL, .fy = FOCAL, .cx = 47.5, .cy = 39.5 };

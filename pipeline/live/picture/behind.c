@@ -28,11 +28,11 @@
 #define CELL_LEVEL   1    /* of votes: their cells are as high as the cells here */
 #define EXPLORE      3    /* one cell in this many times as many is tried on another plane; at the start ... */
 #define START_TRIED  4    /* ... one in this many in every set, until each was tried on all; until then ... */
-#define START_TURNS  2  /* ... stale cells are rendered within this number of sets, so that no set takes long */
+#define START_TURNS  2    /* ... stale cells are rendered within this number of sets, so that no set takes long */
 #define START_ROUNDS (START_TRIED * PICTURE_PLANES)
 #define AGREED       48   /* of 255, from which rays that agree on a colour show it, ... */
 #define AGREED_FRONT 58   /* ... one that is more frequent among removed than among seen pixels: leaves agree by chance */
-#define COUNTED_STEP 4    /* every so many pixels of so many rows */
+#define COUNTED_STEP 4    /* distance of the columns and rows whose pixels are counted */
 
 void picture_behind_fini(struct picture_behind *b)
 {
@@ -168,7 +168,7 @@ static bool count_holes(struct picture_behind *b, const struct sst_map_u8 *weigh
     return any;
 }
 
-/* A view that shows what is removed: the reference view, another one while its camera delivers nothing; or NULL. */
+/* View whose removed pixels are counted: the reference view, another one while its camera delivers nothing; or NULL. */
 static const struct sst_view *front_view(const struct sst_live *live)
 {
     const struct sst_lightfield *lf = &live->lf;

@@ -19,7 +19,7 @@
 #define PLANES    128 /* at most ... */
 #define TOLERANCE 2   /* planes that are nearer to each other are one surface */
 #define CLAIMS    3   /* views that must claim a plane at some pixel of a block, at most, ... */
-#define CLAIMED   9   /* ... of fewer voters one in so many */
+#define CLAIMED   9   /* ... or one view in this many voters, if that is fewer */
 #define BAND      8   /* rows of all planes that a thread computes: the views' rows stay in the cache */
 /* Thresholds of the second round: where views differ little from the consensus, and where they differ much, by noise or
  * by texture that whole pixels do not align. */
