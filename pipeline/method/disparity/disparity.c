@@ -329,16 +329,24 @@ static void free_matching(struct disparity_run *run)
         sst_descriptor_fini(&run->desc[view]);
 }
 
-/* The reference view and the key views that its map would be carried from, the only ones not to be carried for now. */
-static int choose_probed(struct disparity_run *run, const struct sst_visible_views *in)
+/* The reference view and the key views that its map would be carried from, the only ones not to be carried for now; with
+ * other key views, so that no worker is idle. */
+static int choose_probed(struct disparity_run *run, const struct sst_visible_views *in, int workers)
 {
     int source[CARRY_SOURCES];
     const int count = run_carry_sources(in, run->lf->ref_view, source);
+    int idle = (workers - (count + 1) % workers) % workers;
 
     for (int k = 0; k < in->count; k++)
         run->carried[k] = k != run->lf->ref_view || in->view[k].carried;
     for (int i = 0; i < count; i++)
         run->carried[source[i]] = false;
+    for (int k = 0; k < in->count && idle; k++) {
+        if (run->carried[k] && in->view[k].image && !in->view[k].carried) {
+            run->carried[k] = false;
+            idle--;
+        }
+    }
     return sst_min_int(count, 0);
 }
 
@@ -353,7 +361,7 @@ static int probe_carrying(struct disparity_run *run, int workers, double *error)
 
     if (keys)
         memcpy(keys, run->carried, (size_t)count * sizeof(*keys));
-    err = err ? err : choose_probed(run, &in);
+    err = err ? err : choose_probed(run, &in, workers);
     err = err ? err : run_match(run, workers, NULL, NULL);
     for (int k = 0; !err && k < count; k++)
         in.view[k].carried = run->carried[k];
