@@ -10,6 +10,7 @@
 #include "base/base.h"
 #include "pipeline/kernels/blend_near.h"
 #include "pipeline/kernels/consensus.h"
+#include "pipeline/kernels/conv_tiles.h"
 #include "pipeline/kernels/windows.h"
 
 /*
@@ -92,6 +93,10 @@ enum sst_cpu_level {
     X(guide_cells)                                                                                                     \
     X(class_row)                                                                                                       \
     X(shown_row)                                                                                                       \
+    X(conv_spread)                                                                                                     \
+    X(conv_products)                                                                                                   \
+    X(conv_gather)                                                                                                     \
+    X(conv_finish)                                                                                                     \
     X(colour_step_row)                                                                                                 \
     X(consensus_first)                                                                                                 \
     X(consensus_again)                                                                                                 \

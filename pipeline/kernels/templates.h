@@ -13,6 +13,7 @@
 #include "pipeline/kernels/clear_take_tmpl.h"
 #include "pipeline/kernels/clear_tmpl.h"
 #include "pipeline/kernels/consensus_tmpl.h"
+#include "pipeline/kernels/conv_tiles_tmpl.h"
 #include "pipeline/kernels/correlate_places_tmpl.h"
 #include "pipeline/kernels/enlarge_row_tmpl.h"
 #include "pipeline/kernels/feature_cost_tmpl.h"

@@ -92,6 +92,9 @@ static const struct {
     { "split_row", UINT8_MAX, UINT8_MAX, "moves" },
     { "cell_land", UINT16_MAX, UINT16_MAX, "compares and moves" },
     { "shown_row", 65534 * 32768.0 + 65535, INT32_MAX, "disparity times spacing, and the part" },
+    { "conv_spread", 100 * 255, INT16_MAX, "rows of B, whose magnitudes have the sum 10, twice" },
+    { "conv_products", 2.0 * 25500 * 6223, INT32_MAX, "two products; their sums are modulo 2^32 by definition" },
+    { "conv_gather", SST_CONV_MOST - 1, INT32_MAX, "sums modulo 2^32 of 64 times the result" },
     { "disp_span", UINT16_MAX, UINT16_MAX, "compares" },
     { "cell_score", 256 * SST_SCORE_USUAL, INT16_MAX, "three differences of bytes; 1/256 level of the usual one" },
     { "score_add", 4 * 256.0 * SST_SCORE_CAP, UINT16_MAX, "scores of four rows of 256 views" },
@@ -223,6 +226,28 @@ static void guided_cells(void **state SST_UNUSED)
  */
 
 /* Means of costs over a support region, by a reciprocal that is rounded up. */
+static void finished_sums(void **state SST_UNUSED)
+{
+    struct bound b = { "conv_finish", "float", "of the sum of magnitudes", "4 roundings", 2.4e-7, 0, 0, "" };
+
+    for (int i = 0; i < rounds(5000); i++) {
+        const float scale[SST_CONV_BLOCK] = { real(1e-6f, 1e-3f) }, bias[SST_CONV_BLOCK] = { real(-1e6f, 1e6f) };
+        const struct sst_conv_finish f = { scale, bias, i % 2, 0, SST_CONV_F32, SST_CONV_F32, real(0.1f, 2) };
+        const int32_t sums[SST_CONV_PIXELS * SST_CONV_BLOCK] = { (int32_t)below(SST_CONV_MOST) - SST_CONV_MOST / 2 };
+        float out[SST_CONV_BLOCK] = { real(-100, 100) };
+        const wide residual = (wide)out[0] * (wide)f.residual_scale, sum = (wide)sums[0] * (wide)scale[0];
+        const wide offset = (wide)bias[0] * (i % 2 ? (wide)scale[0] : 1);
+        void *to[SST_CONV_PIXELS] = { out };
+
+        sst_conv_finish_ref(to, sums, &f);
+        bound_note(&b,
+                   (double)(fabsl((wide)out[0] - (sum + offset + residual)) /
+                            (fabsl(sum) + fabsl(offset) + fabsl(residual))),
+                   "sum %d", sums[0]);
+    }
+    bound_end(&b);
+}
+
 static void support_means(void **state SST_UNUSED)
 {
     struct bound b = { "support_mean_row",
@@ -849,7 +874,7 @@ static const char *const measured[] = {
     "subpixel_plane_row", "subpixel_window_row", "blend_rays",       "blend_take",    "blend_finish",
     "clear_land",         "clear_surface",       "clear_take",       "clear_blend",   "agree_votes",
     "place_row",          "resample_row",        "light_row",        "warped_row",    "window_stats",
-    "window_best"
+    "window_best",        "conv_finish"
 };
 
 static void every_kernel_has_a_bound(void **state SST_UNUSED)
@@ -879,6 +904,7 @@ int main(void)
         cmocka_unit_test(logarithms),
         cmocka_unit_test(entropy_of_distributions),
         cmocka_unit_test(guided_cells),
+        cmocka_unit_test(finished_sums),
         cmocka_unit_test(support_means),
         cmocka_unit_test(bilateral_means),
         cmocka_unit_test(parabolas),

@@ -226,6 +226,139 @@ static void check_shown(const struct sst_kernels *k, size_t n)
     guard_free_all();
 }
 
+/* --- convolutions by tiles --- */
+
+#define TILE_CHANNELS 32
+
+/* Spread inputs of bytes. */
+static int16_t *spread_tile(const struct sst_kernels *k, uint8_t *pixels, int is_signed)
+{
+    const uint8_t *pixel[SST_CONV_PARTS];
+    int16_t *out = guard_random(SST_CONV_PARTS * TILE_CHANNELS * sizeof(*out), &seed);
+
+    for (int i = 0; i < SST_CONV_PARTS; i++)
+        pixel[i] = pixels + i * TILE_CHANNELS;
+    k->conv_spread(out, TILE_CHANNELS, pixel, TILE_CHANNELS, is_signed);
+    return out;
+}
+
+static uint8_t *tile_pixels(void)
+{
+    return guard_random(SST_CONV_PARTS * TILE_CHANNELS, &seed);
+}
+
+/* The result of one kernel of 3x3, spread here by G', is its sum of products at every place. */
+static void tiles_are_sums_of_products(void **state SST_UNUSED)
+{
+    static const int8_t rows[SST_CONV_TILE][3] = { { 1, 0, 0 }, { -1, -1, -1 }, { -1, 1, -1 },
+                                                   { 1, 2, 4 }, { 1, -2, 4 },   { 0, 0, 1 } };
+    struct sst_kernels k;
+
+    assert_true(sst_kernels_at(SST_CPU_REF, &k));
+    for (int is_signed = 0; is_signed < 2; is_signed++) {
+        uint8_t *pixels = tile_pixels();
+        int8_t *g = guard_random(9 * TILE_CHANNELS, &seed);
+        int32_t m[SST_CONV_PARTS * SST_CONV_BLOCK] = { 0 }, out[SST_CONV_PIXELS * SST_CONV_BLOCK];
+        int16_t *spread;
+
+        memset(pixels, is_signed ? 128 : 255, 9 * TILE_CHANNELS); /* and the largest numbers */
+        memset(g, 127, 6);
+        spread = spread_tile(&k, pixels, is_signed);
+        for (int part = 0; part < SST_CONV_PARTS; part++) {
+            int16_t weights[TILE_CHANNELS * SST_CONV_BLOCK] = { 0 };
+
+            for (int c = 0; c < TILE_CHANNELS; c++) {
+                for (int i = 0; i < 9; i++)
+                    weights[c / 2 * SST_CONV_BLOCK * 2 + c % 2] += (int16_t)(rows[part / SST_CONV_TILE][i / 3] *
+                                                                            rows[part % SST_CONV_TILE][i % 3] *
+                                                                            g[9 * c + i]);
+            }
+            k.conv_products(m + part * SST_CONV_BLOCK, spread + part * TILE_CHANNELS, weights, TILE_CHANNELS, 1);
+        }
+        k.conv_gather(out, m, SST_CONV_BLOCK);
+        for (int p = 0; p < SST_CONV_PIXELS; p++) {
+            int want = 0;
+
+            for (int i = 0; i < 9 * TILE_CHANNELS; i++) {
+                const int tap = i % 9, at = (p / SST_CONV_OUT + tap / 3) * SST_CONV_TILE + p % SST_CONV_OUT + tap % 3;
+                const uint8_t value = pixels[at * TILE_CHANNELS + i / 9];
+
+                want += g[i] * (is_signed ? (int8_t)value : value);
+            }
+            assert_int_equal(out[p * SST_CONV_BLOCK], want);
+        }
+        guard_free_all();
+    }
+}
+
+static void *copy_of(const void *from, size_t bytes)
+{
+    return memcpy(guard_random(bytes, &seed), from, bytes);
+}
+
+static void check_finish(const struct sst_kernels *k, const struct sst_conv_finish *f, const int32_t *sums)
+{
+    const size_t bytes = SST_CONV_BLOCK * (f->type == SST_CONV_F32 ? sizeof(float) : 1);
+    void *want[SST_CONV_PIXELS], *got[SST_CONV_PIXELS];
+
+    for (size_t p = 0; p < SST_CONV_PIXELS; p++) {
+        want[p] = p % 5 ? guard_random(bytes, &seed) : NULL;
+        got[p] = want[p] ? copy_of(want[p], bytes) : NULL;
+    }
+    for (size_t p = 0; p < SST_CONV_PIXELS && f->residual == SST_CONV_F32; p++) {
+        for (size_t i = 0; i < SST_CONV_BLOCK && want[p]; i++)
+            ((float *)want[p])[i] = ((float *)got[p])[i] = (float)(sst_random(&seed) - 0.5);
+    }
+    sst_conv_finish_ref(want, sums, f);
+    k->conv_finish(got, sums, f);
+    for (size_t p = 0; p < SST_CONV_PIXELS; p++) {
+        if (want[p])
+            assert_memory_equal(got[p], want[p], bytes);
+    }
+    guard_free_all();
+}
+
+static void check_tiles(const struct sst_kernels *k, size_t n)
+{
+    int16_t *tiles = guard_random(n * TILE_CHANNELS * sizeof(*tiles), &seed);
+    int16_t *weights = guard_random(TILE_CHANNELS * SST_CONV_BLOCK * sizeof(*weights), &seed);
+    int32_t *want = guard_random(n * SST_CONV_BLOCK * sizeof(*want), &seed);
+    int32_t *got = copy_of(want, n * SST_CONV_BLOCK * sizeof(*want));
+    int32_t *m = guard_random(SST_CONV_PARTS * SST_CONV_BLOCK * sizeof(*m), &seed);
+    int32_t sums[2][SST_CONV_PIXELS * SST_CONV_BLOCK];
+    float scale[SST_CONV_BLOCK], bias[SST_CONV_BLOCK];
+    struct sst_kernels ref;
+
+    for (size_t i = 0; i < n * TILE_CHANNELS; i++)
+        tiles[i] = tiles[i] == INT16_MIN ? 0 : tiles[i];
+    sst_conv_products_ref(want, tiles, weights, TILE_CHANNELS, n);
+    k->conv_products(got, tiles, weights, TILE_CHANNELS, n);
+    assert_memory_equal(got, want, n * SST_CONV_BLOCK * sizeof(*want));
+    assert_true(sst_kernels_at(SST_CPU_REF, &ref));
+    for (int is_signed = 0; is_signed < 2; is_signed++) {
+        uint8_t *pixels = tile_pixels();
+
+        assert_memory_equal(spread_tile(k, pixels, is_signed), spread_tile(&ref, pixels, is_signed),
+                            SST_CONV_PARTS * TILE_CHANNELS * sizeof(int16_t));
+    }
+    sst_conv_gather_ref(sums[0], m, SST_CONV_BLOCK);
+    k->conv_gather(sums[1], m, SST_CONV_BLOCK);
+    assert_memory_equal(sums[1], sums[0], sizeof(sums[0]));
+    for (int i = 0; i < SST_CONV_BLOCK; i++) {
+        scale[i] = (float)sst_random(&seed) * 1e-5f;
+        bias[i] = (float)(sst_random(&seed) - 0.5) * 1e6f;
+    }
+    for (int way = 0; way < 4; way++) {
+        const struct sst_conv_finish ways[] = {
+            { scale, bias, 1, 1, SST_CONV_U8, SST_CONV_U8, 0.7f }, { scale, bias, 0, 0, SST_CONV_S8, SST_CONV_U8, 1 },
+            { scale, bias, 1, 0, SST_CONV_F32, SST_CONV_F32, 1 },  { scale, bias, 1, 1, SST_CONV_U8, SST_CONV_NONE, 0 },
+        };
+
+        check_finish(k, &ways[way], sums[0]);
+    }
+    guard_free_all();
+}
+
 static void every_level_equals_the_reference(void **state SST_UNUSED)
 {
     static const size_t widths[] = { 1, 3, 7, 16, 33, 64, 127, SST_CLASS_ROW_MAX };
@@ -240,6 +373,7 @@ static void every_level_equals_the_reference(void **state SST_UNUSED)
         for (size_t i = 0; i < ARRAY_LEN(widths); i++) {
             check_level(&k, 23, widths[i]);
             check_level(&k, 1 + i, widths[i]);
+            check_tiles(&k, 1 + i);
             for (int times = 0; times < 20; times++)
                 check_shown(&k, widths[i]);
         }
@@ -251,7 +385,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(logarithms_are_those_of_libm),     cmocka_unit_test(entropies_have_known_values),
         cmocka_unit_test(guided_cells_have_known_values),   cmocka_unit_test(shown_surfaces_have_known_places),
-        cmocka_unit_test(every_level_equals_the_reference),
+        cmocka_unit_test(tiles_are_sums_of_products),       cmocka_unit_test(every_level_equals_the_reference),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -192,6 +192,63 @@ static struct ow_buf branched_network(const char *ranges)
     return model;
 }
 
+/* Weights of 3x3 in the middle of 5x5, or as they are. */
+static void add_kernel(struct ow_buf *graph, const char *name, const struct conv *c)
+{
+    const int side = c->kernel[0], edge = (side - 3) / 2;
+    float *w = calloc((size_t)(c->oc * c->ic * side * side), sizeof(*w));
+
+    for (int i = 0; i < c->oc * c->ic * 9; i++)
+        w[(i / 9 * side + i % 9 / 3 + edge) * side + i % 3 + edge] = (float)rand() / (float)RAND_MAX - 0.5f;
+    ow_floats(graph, name, w, c->oc, c->ic, side, side);
+    free(w);
+}
+
+/* Two layers and a residual, with kernels of `side`, dilations 1 and d. */
+static struct ow_buf layers_of(int side, int d)
+{
+    const int pad = side / 2;
+    const struct conv first = { 16, 48, { side, side }, { 1, 1 }, { 1, 1 }, { pad, pad, pad, pad }, 1 };
+    const struct conv second = { 48, 16, { side, side }, { 1, 1 }, { d, d }, { pad * d, pad * d, pad * d, pad * d }, 1 };
+    struct ow_buf graph = { 0 }, model;
+
+    srand(7);
+    ow_identity_conv(&graph, 16);
+    add_kernel(&graph, "w1", &first);
+    add_kernel(&graph, "w2", &second);
+    ow_conv(&graph, &first, "blocked w1", "a"); /* of values with a sign */
+    ow_node(&graph, "Relu", "a", "b", NULL);
+    ow_conv(&graph, &second, "b w2", "c");
+    ow_node(&graph, "Add", "c blocked", "d", NULL);
+    ow_node(&graph, "Relu", "d", "e", NULL);
+    ow_conv(&graph, &first, "e w1", "y");
+    ow_value(&graph, 11, "x", 16);
+    ow_value(&graph, 12, "y", 48);
+    model = ow_model(&graph, 13);
+    ow_metadata(&model, "sst.ranges", "1 x\n1 blocked\n20 a\n20 b\n150 c\n150 d\n150 e\n900 y\n");
+    return model;
+}
+
+/* oneDNN runs kernels of 5x5; 3x3 may run by tiles, with the same sums while values keep to their ranges: then no pair of
+ * products saturates. */
+static void layers_of_three_are_those_of_five_with_zeros(void **state SST_UNUSED)
+{
+    static const int sizes[][3] = { { 1, 1, 1 }, { 5, 9, 1 }, { 24, 33, 2 }, { 13, 6, 4 } };
+
+    for (size_t i = 0; i < ARRAY_LEN(sizes); i++) {
+        struct image in = random_image(16, sizes[i][0], sizes[i][1]), got[2];
+
+        for (int k = 0; k < 2; k++) {
+            struct ow_buf model = layers_of(3 + 2 * k, sizes[i][2]);
+
+            got[k] = run_int8(&model, &in);
+            free(model.p);
+        }
+        assert_memory_equal(got[0].d, got[1].d, (size_t)(48 * in.h * in.w) * sizeof(float));
+        free(in.d), free(got[0].d), free(got[1].d);
+    }
+}
+
 static const char branched_ranges[] =
     "1 x\n1.4 a\n1.4 b\n1.4 c\n1.4 d\n1.75 e\n1.75 f\n1.12 g\n2.1 h\n1.75 i\n1.05 j\n1.05 k\n2.1 l\n1.4 y\n";
 
@@ -362,6 +419,7 @@ int main(void)
         cmocka_unit_test(both_runners_agree_at_any_size),
         cmocka_unit_test(eight_bits_equal_hand_worked_numbers),
         cmocka_unit_test(eight_bits_stay_near_floats_in_branches),
+        cmocka_unit_test(layers_of_three_are_those_of_five_with_zeros),
         cmocka_unit_test(ranges_that_do_not_fit_are_refused),
         plain_test(shipped_networks_keep_their_results),
         cmocka_unit_test(bytes_equal_hand_worked_numbers),

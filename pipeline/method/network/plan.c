@@ -299,6 +299,7 @@ void net_plan_destroy(struct net_plan *plan)
         free(s->bias_data);
         free(s->scales_data);
         free(s->taps);
+        net_plan_tiles_destroy(s->tiles);
     }
     for (int i = 0; i < plan->n_tensors; i++)
         dnnl_memory_destroy(plan->tensors[i].memory);
@@ -318,6 +319,8 @@ static int run_own(const struct net_plan *p, const struct net_plan_step *s)
 {
     const struct net_tensor *src = &p->tensors[s->tensor[0]].view, *dst = &p->tensors[s->tensor[1]].view;
 
+    if (s->tiles)
+        return net_plan_tiles_run(s->tiles, src->data, dst->data, p->scratch, p->threads);
     switch (s->op->kind) {
     case SST_OP_ADAPTIVE_POOL:
         return op_adaptive_pool(dst, src, p->threads);

@@ -15,22 +15,12 @@
 #include "base/mem.h"
 #include "pipeline/method/network/plan_dnnl.h"
 
-/** Numbers of a convolution on 8 bits; all zero for f32. */
-struct quantised {
-    dnnl_data_type_t src, dst; /* dnnl_data_type_undef: f32 */
-    float src_scale, dst_scale;
-    dnnl_data_type_t sum; /* of the residual */
-    float sum_scale;
-    float *scales;   /* [channels] of the products, over that of the result */
-    int8_t *weights; /* [channels][group_in][kernel] */
-};
-
 static dnnl_data_type_t or_f32(dnnl_data_type_t type)
 {
     return type == dnnl_data_type_undef ? dnnl_f32 : type;
 }
 
-static int conv_attr(dnnl_primitive_attr_t *attr, const struct sst_op *op, const struct quantised *q)
+static int conv_attr(dnnl_primitive_attr_t *attr, const struct sst_op *op, const struct net_plan_bytes *q)
 {
     dnnl_post_ops_t post;
     int err = net_plan_attr(attr);
@@ -87,7 +77,7 @@ struct form {
 static const struct form automatic = { dnnl_convolution_auto, dnnl_format_tag_any },
                          winograd = { dnnl_convolution_winograd, dnnl_format_tag_any };
 
-static int conv_desc(struct net_plan *p, const struct sst_op *op, struct form form, const struct quantised *q,
+static int conv_desc(struct net_plan *p, const struct sst_op *op, struct form form, const struct net_plan_bytes *q,
                      dnnl_primitive_desc_t *pd)
 {
     struct net_dnnl_layer layer = {
@@ -113,7 +103,7 @@ static int conv_desc(struct net_plan *p, const struct sst_op *op, struct form fo
 
 /* --- f32 ------------------------------------------------------------------------------------------ */
 
-static const struct quantised not_quantised = { .src = dnnl_data_type_undef };
+static const struct net_plan_bytes not_quantised = { .src = dnnl_data_type_undef };
 
 /* Winograd halves the time of 3x3 layers with many channels (measured: 64 to 64 channels, 2.0x); oneDNN has it for some
  * machines only, and its "auto" passes it over in favour of slower code. */
@@ -142,7 +132,7 @@ static bool feeds_winograd(const struct net_plan *p, int value)
 }
 
 /* Winograd reads channels in blocks of 16; a preceding layer that writes this layout saves a reorder. */
-static int best_conv_desc(struct net_plan *p, const struct sst_op *op, const struct quantised *q,
+static int best_conv_desc(struct net_plan *p, const struct sst_op *op, const struct net_plan_bytes *q,
                           dnnl_primitive_desc_t *pd)
 {
     /* Not "auto", which selects Winograd on 8 bits without VNNI: its sums are not exact. */
@@ -168,7 +158,7 @@ static int best_conv_desc(struct net_plan *p, const struct sst_op *op, const str
 }
 
 /* best_conv_desc() for one thread if the result depends on their number. @param serial  out: it runs on one thread */
-static int same_conv_desc(struct net_plan *p, const struct sst_op *op, const struct quantised *q,
+static int same_conv_desc(struct net_plan *p, const struct sst_op *op, const struct net_plan_bytes *q,
                           dnnl_primitive_desc_t *pd, bool *serial)
 {
     int err = best_conv_desc(p, op, q, pd);
@@ -214,7 +204,7 @@ void net_plan_scale_bias(const struct sst_op *op, const float *scales, float dst
 }
 
 /* Weights in bytes, and the scale of the products. */
-static int quantise_weights(struct quantised *q, const struct sst_op *op)
+static int quantise_weights(struct net_plan_bytes *q, const struct sst_op *op)
 {
     const size_t per = (size_t)op->group_in * (size_t)op->kernel[0] * (size_t)op->kernel[1];
 
@@ -226,7 +216,7 @@ static int quantise_weights(struct quantised *q, const struct sst_op *op)
     return 0;
 }
 
-static int quantise(struct net_plan *p, const struct sst_op *op, struct quantised *q, int *residual)
+static int quantise(struct net_plan *p, const struct sst_op *op, struct net_plan_bytes *q, int *residual)
 {
     const struct net_plan_value *out = &p->values[op->out];
     const int src = net_plan_in_8_bits(p, op->in[0]);
@@ -254,7 +244,7 @@ static int quantise(struct net_plan *p, const struct sst_op *op, struct quantise
 /* --- weights, residuals, the step ----------------------------------------------------------------- */
 
 /* Reorder the weights into the primitive's layout, once for all runs. */
-static int load_weights(struct net_plan *p, struct net_plan_step *s, const struct sst_op *op, const struct quantised *q,
+static int load_weights(struct net_plan *p, struct net_plan_step *s, const struct sst_op *op, const struct net_plan_bytes *q,
                         const_dnnl_memory_desc_t md)
 {
     const_dnnl_memory_desc_t plain;
@@ -289,7 +279,7 @@ static int load_weights(struct net_plan *p, struct net_plan_step *s, const struc
 }
 
 /* Biases in units of the 8-bit products, or of the result; unchanged for floats. */
-static int load_bias(struct net_plan *p, struct net_plan_step *s, const struct sst_op *op, const struct quantised *q)
+static int load_bias(struct net_plan *p, struct net_plan_step *s, const struct sst_op *op, const struct net_plan_bytes *q)
 {
     const_dnnl_memory_desc_t md;
     int err = bias_desc(p, &md, op);
@@ -305,7 +295,7 @@ static int load_bias(struct net_plan *p, struct net_plan_step *s, const struct s
 }
 
 /* The tensor that a convolution writes: a new one, or that of the residual, to which it adds. */
-static int conv_result(struct net_plan *p, const struct sst_op *op, const struct quantised *q, int residual,
+static int conv_result(struct net_plan *p, const struct sst_op *op, const struct net_plan_bytes *q, int residual,
                        const_dnnl_memory_desc_t md)
 {
     const float scale = q->scales ? q->dst_scale : 1;
@@ -334,7 +324,7 @@ static int conv_result(struct net_plan *p, const struct sst_op *op, const struct
     return to;
 }
 
-static int add_step(struct net_plan *p, const struct sst_op *op, const struct quantised *q, int residual,
+static int add_step(struct net_plan *p, const struct sst_op *op, const struct net_plan_bytes *q, int residual,
                     dnnl_primitive_desc_t pd)
 {
     struct net_plan_step *s = NULL;
@@ -367,9 +357,33 @@ static int add_step(struct net_plan *p, const struct sst_op *op, const struct qu
     return net_plan_primitive(p, s, pd);
 }
 
+/* A step by tiles from the quantised input: channels last, as oneDNN has bytes. */
+static int add_tiles(struct net_plan *p, const struct sst_op *op, const struct net_plan_bytes *q, int residual)
+{
+    struct net_plan_step *s;
+    const_dnnl_memory_desc_t md;
+    int src = 0, dst = 0, err = net_plan_desc(p, &md, p->shapes[op->in[0]], q->src, dnnl_nhwc);
+
+    if (!err)
+        err = src = net_plan_in_layout(p, op->in[0], md, q->src_scale);
+    if (err >= 0)
+        err = net_plan_desc(p, &md, p->shapes[op->out], q->dst, dnnl_nhwc);
+    if (!err)
+        err = dst = conv_result(p, op, q, residual, md);
+    if (err < 0)
+        return err;
+    s = net_plan_add_step(p, op);
+    if (!s)
+        return -ENOMEM;
+    s->n_args = 2;
+    s->tensor[0] = src;
+    s->tensor[1] = dst;
+    return net_plan_tiles_create(&s->tiles, p, op, q);
+}
+
 int net_plan_add_conv(struct net_plan *p, const struct sst_op *op)
 {
-    struct quantised q = not_quantised;
+    struct net_plan_bytes q = not_quantised;
     dnnl_primitive_desc_t pd;
     int residual = -1, err = 0;
     bool serial = false;
@@ -378,11 +392,14 @@ int net_plan_add_conv(struct net_plan *p, const struct sst_op *op)
         err = quantise(p, op, &q, &residual);
     else if (op->residual)
         err = residual = net_plan_in_f32(p, op->in[1]);
-    if (err >= 0)
-        err = same_conv_desc(p, op, &q, &pd, &serial);
-    err = err ? err : add_step(p, op, &q, residual, pd);
-    if (!err)
-        p->steps[p->n_steps - 1].serial = serial;
+    if (err >= 0 && q.scales && net_plan_tiles_fit(p, op, q.weights)) {
+        err = add_tiles(p, op, &q, residual);
+    } else {
+        err = err < 0 ? err : same_conv_desc(p, op, &q, &pd, &serial);
+        err = err ? err : add_step(p, op, &q, residual, pd);
+        if (!err)
+            p->steps[p->n_steps - 1].serial = serial;
+    }
     free(q.scales);
     free(q.weights);
     return err;

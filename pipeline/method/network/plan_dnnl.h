@@ -35,7 +35,7 @@ struct net_plan_tensor {
 
 struct net_plan_step {
     const struct sst_op *op;
-    dnnl_primitive_t primitive; /* NULL: one of ops.h from tensor[0] to tensor[1] */
+    dnnl_primitive_t primitive; /* NULL: by tiles or one of ops.h, from tensor[0] to tensor[1] */
     bool serial;                /* on one thread: the result depends on their number */
     int n_args;
     dnnl_exec_arg_t args[NET_PLAN_MAX_ARGS];
@@ -44,6 +44,7 @@ struct net_plan_step {
     void *weights_data;
     float *bias_data, *scales_data;
     struct net_tap *taps;
+    struct net_plan_tiles *tiles; /* a convolution by tiles, without primitive */
 };
 
 struct net_plan {
@@ -134,6 +135,32 @@ void net_plan_quantise(const struct sst_op *op, bool s8, float factor, int8_t *w
 /** Biases in units of the sums, which scales[c] brings to units of dst_scale; in these, unless net_dnnl_scales_bias().
  * @param bias  out [channels] */
 void net_plan_scale_bias(const struct sst_op *op, const float *scales, float dst_scale, float *bias);
+
+/** Numbers of a convolution on 8 bits; all zero for f32. */
+struct net_plan_bytes {
+    dnnl_data_type_t src, dst; /* dnnl_data_type_undef: f32 */
+    float src_scale, dst_scale;
+    dnnl_data_type_t sum; /* of the residual */
+    float sum_scale;
+    float *scales;   /* [channels] of the products, over the result's */
+    int8_t *weights; /* [channels][group_in][kernel] */
+};
+
+/* --- plan_tiles.c --- */
+
+struct net_plan_tiles; /* weights, scales and places of a convolution by tiles */
+
+/** True if a convolution on bytes runs by tiles: with the bytes of oneDNN, in less time. */
+bool net_plan_tiles_fit(const struct net_plan *p, const struct sst_op *op, const int8_t *weights);
+
+/** Prepare it, and raise p->scratch_bytes to what it needs. @return 0, -ENOMEM */
+SST_MUST_CHECK int net_plan_tiles_create(struct net_plan_tiles **out, struct net_plan *p, const struct sst_op *op,
+                                         const struct net_plan_bytes *b);
+void net_plan_tiles_destroy(struct net_plan_tiles *t);
+
+/** @param from, to  channels last; `to` holds the residual before @param scratch  p->scratch */
+SST_MUST_CHECK int net_plan_tiles_run(const struct net_plan_tiles *t, const void *from, void *to, void *scratch,
+                                      int threads);
 
 /* --- plan_bits.c --- */
 
