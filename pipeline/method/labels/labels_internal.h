@@ -87,7 +87,8 @@ size_t class_grid_values(int count);
  * Most probable class + 1 and entropy of every pixel, from the 4x4 cells around it: each is weighted by its distance
  * (Gauss, 0.7 cells) and by the difference between the pixel's colour and the image's mean under the cell (Gauss,
  * SST_GUIDE_SIGMA). So leaves and outlines end at image edges, not between cells. If all 16 cells have the same winner
- * it wins, which saves most of the work when only the label is requested.
+ * it wins, which saves most of the work when only the label is requested; if their entropies are small as well, the
+ * pixel's is interpolated between the cells, unless probabilities are requested.
  *
  * @param grid  the free floats of its cells are set here
  * @return 0 or -ENOMEM (not logged). Same bytes for any number of threads; the same labels whatever else is requested.
