@@ -43,8 +43,7 @@ static struct sources sources_of(const struct process_carry *c, int view)
 /* What is gathered of a view. */
 struct gathered {
     struct sst_map_u8 *label;
-    struct sst_map_f32 *own_entropy;   /* likewise, infinite where there is no label; NULL: not wanted */
-    const struct sst_map_f32 *entropy; /* [views] of the sources */
+    struct sst_map_f32 *own_entropy; /* infinite where there is no label; NULL: not wanted */
     struct sst_map_u8
         *source; /* index of each pixel's nearest source that shows its surface, their number: none; or NULL */
     bool known;  /* in; else out */
@@ -65,11 +64,12 @@ static void gather_row(const struct gathered_row *to, struct process_rays *rays,
 
     for (int i = 0; i < n && rays->count; i++) {
         const int view = s->at[i].view;
-        const struct sst_map_f32 *entropy = to->entropy ? &out->entropy[view] : NULL;
+        const uint64_t *there = out->packed[view];
+        const size_t width = (size_t)c->lf->views[view].disp.width;
         float spare;
         int left = 0;
 
-        process_rays_find(rays, &c->lf->views[view], out->packed[view], &s->at[i]);
+        process_rays_find(rays, &c->lf->views[view], there, &s->at[i]);
         for (int k = 0; k < rays->count; k++) { /* the answers are hard to predict: no branches */
             const int32_t at = rays->at[k];
             const uint8_t label = rays->label[k];
@@ -78,11 +78,11 @@ static void gather_row(const struct gathered_row *to, struct process_rays *rays,
             to->label[x] = label;
             if (to->source)
                 to->source[x] = (at >= 0) & (to->source[x] == n) ? (uint8_t)i : to->source[x];
-            if (entropy) {
-                const int32_t there = at < 0 ? 0 : at;
+            if (to->entropy) {
+                const size_t ray = at < 0 ? 0 : (size_t)(at >> 16) * width + (size_t)(at & 0xFFFF);
                 float *own = label == SST_LABEL_NONE ? &spare : &to->entropy[x];
 
-                *own = sst_map_f32_row(entropy, there >> 16)[there & 0xFFFF];
+                *own = process_ray_entropy(there[ray]);
             }
             rays->own[left] = rays->own[k];
             left += label == SST_LABEL_NONE;
@@ -194,7 +194,6 @@ static int carry_view(const struct job *j, int view, struct sst_map_f32 *spare)
 
     gathered = (struct gathered){ .label = &own->label,
                                   .own_entropy = j->entropy ? &j->entropy[view] : NULL,
-                                  .entropy = j->entropy,
                                   .source = source,
                                   .known = source && source->data,
                                   .packed = j->packed };
@@ -227,7 +226,7 @@ static int pack_job(void *arg, int view, int worker SST_UNUSED)
 
     if (!j->c->lf->views[view].present || j->c->carried[view])
         return 0;
-    j->packed[view] = process_rays_pack(&j->c->lf->views[view]);
+    j->packed[view] = process_rays_pack(&j->c->lf->views[view], j->entropy ? &j->entropy[view] : NULL);
     return j->packed[view] ? 0 : -ENOMEM;
 }
 
@@ -297,7 +296,7 @@ static int gather_one(const struct process_carry *c, int view, struct sst_map_u8
     for (int i = 0; i < sources.n && !err; i++) {
         const int of = sources.at[i].view;
 
-        packed[of] = process_rays_pack(&c->lf->views[of]);
+        packed[of] = process_rays_pack(&c->lf->views[of], NULL);
         err = packed[of] ? 0 : -ENOMEM;
     }
     err = err ? err : gather_labels(c, view, &(struct gathered){ .label = label, .packed = packed });

@@ -6,7 +6,9 @@
 #define SST_PIPELINE_METHOD_PROCESS_PROCESS_INTERNAL_H
 
 #include <stdlib.h>
+#include <string.h>
 
+#include "pipeline/kernels/kernels.h"
 #include "pipeline/lightfield/lightfield.h"
 #include "pipeline/lightfield/shift.h"
 
@@ -100,8 +102,19 @@ void process_rays_fini(struct process_rays *r);
 /** The pixels of row y for which process_is_seen(). */
 void process_rays_take(struct process_rays *r, const struct sst_view *own, int y);
 
-/** A view's colours, disparities and labels for process_rays_find(). @return sst_mem_free() it; NULL: no memory */
-uint64_t *process_rays_pack(const struct sst_view *v);
+/** A view's colours, disparities and labels for process_rays_find(), and entropies for process_ray_entropy() in place of
+ * the columns. @param entropy  or NULL @return sst_mem_free() it; NULL: no memory */
+uint64_t *process_rays_pack(const struct sst_view *v, const struct sst_map_f32 *entropy);
+
+/** The entropy of a packed ray: the upper half of the float, rounded. */
+static inline float process_ray_entropy(uint64_t ray)
+{
+    const uint32_t bits = (uint32_t)(ray >> SST_RAY_COLUMN) << 16;
+    float v;
+
+    memcpy(&v, &bits, sizeof(v));
+    return v;
+}
 
 /** Set r->at and r->label: where a view shows the surfaces, as process_place_in() and process_shows().
  *  @param packed  of the view `there` @param s  of that view, nearer than PROCESS_REACH_MOST */

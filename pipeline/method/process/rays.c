@@ -4,6 +4,7 @@
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/mem.h"
 #include "pipeline/kernels/kernels.h"
@@ -78,7 +79,16 @@ void process_rays_take(struct process_rays *r, const struct sst_view *own, int y
     r->y = y;
 }
 
-uint64_t *process_rays_pack(const struct sst_view *v)
+/* An entropy in 16 bits, as process_ray_entropy() has it. */
+static inline uint64_t half_of(float entropy)
+{
+    uint32_t bits;
+
+    memcpy(&bits, &entropy, sizeof(bits));
+    return (bits + 0x8000) >> 16;
+}
+
+uint64_t *process_rays_pack(const struct sst_view *v, const struct sst_map_f32 *entropy)
 {
     const size_t width = (size_t)v->disp.width, height = (size_t)v->disp.height;
     uint64_t *rays = sst_mem_alloc_raw(width * height, sizeof(*rays));
@@ -88,10 +98,13 @@ uint64_t *process_rays_pack(const struct sst_view *v)
                                            sst_image_row(&v->image, 2, y) };
         const uint16_t *d = sst_map_u16_row(&v->disp, y);
         const uint8_t *label = sst_map_u8_row(&v->label, y);
+        const float *h = entropy ? sst_map_f32_row(entropy, y) : NULL;
         uint64_t *to = rays + (size_t)y * width;
 
         for (int x = 0; x < v->disp.width; x++)
             to[x] = ray_of(colour, d, x) | (uint64_t)label[x] << SST_RAY_LABEL;
+        for (int x = 0; h && x < v->disp.width; x++)
+            to[x] |= half_of(h[x]) << SST_RAY_COLUMN;
     }
     return rays;
 }
