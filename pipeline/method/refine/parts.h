@@ -188,7 +188,7 @@ static inline float sst_reciprocal(float v)
 struct sst_region {
     int64_t sum_q20[3]; /* of the unit normals of its pixels, SST_SURFACE_ONE each */
     int64_t normals;    /* how many */
-    int64_t pixels;     /* with a normal or without */
+    int64_t pixels;     /* looked at, with a normal or without */
     float mean[3];      /* of the normals; set by sst_region_finish() */
 };
 

@@ -125,26 +125,27 @@ static int check_maps(const struct sst_lightfield *lf, const struct sst_refine_c
     return 0;
 }
 
-/* Normals of the region, as whole numbers. */
-static struct sst_region region_of(const struct job *job, const struct worker *w, const struct sst_view *v, int label)
+/* Normals of the regions of some labels, as whole numbers, at every second pixel of every second row: neighbours share
+ * their planes. */
+static void find_regions(const struct job *job, struct worker *w, const struct sst_view *v, uint64_t labels)
 {
-    struct sst_region region = { { 0 }, 0, 0, { 0 } };
-
-    for (int y = 0; y < v->label.height; y++) {
+    for (int y = 0; y < v->label.height; y += 2) {
         const uint8_t *row = sst_map_u8_row(&v->label, y);
 
-        for (int x = 0; x < v->label.width; x++) {
+        for (int x = 0; x < v->label.width; x += 2) {
+            struct sst_region *region;
             float n[3];
 
-            if (row[x] != label)
+            if (row[x] == SST_LABEL_NONE || row[x] > SST_MAX_CLASSES || !(labels >> (row[x] - 1) & 1))
                 continue;
-            region.pixels++;
+            region = &w->regions[row[x] - 1];
+            region->pixels++;
             if (sst_normal_at(n, &w->planes, &job->frame, x, y))
-                sst_region_add(&region, n);
+                sst_region_add(region, n);
         }
     }
-    sst_region_finish(&region);
-    return region;
+    for (int i = 0; i < job->lf->classes.count; i++)
+        sst_region_finish(&w->regions[i]);
 }
 
 /* Fit the planes of the grounds of a view. */
@@ -300,10 +301,7 @@ static int refine_view(void *arg, int index, int worker)
     memset(w->regions, 0, sizeof(w->regions));
     if (mixed && job->cfg->p_normal > 0) {
         sst_planes_fit(&w->planes, &v->disp, w->plane_sums);
-        for (int label = 1; label <= job->lf->classes.count; label++) {
-            if (mixed >> (label - 1) & 1)
-                w->regions[label - 1] = region_of(job, w, v, label);
-        }
+        find_regions(job, w, v, mixed);
     }
     for (int label = 1; label <= job->lf->classes.count; label++) {
         if (seen >> (label - 1) & 1)
