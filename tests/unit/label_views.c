@@ -108,10 +108,10 @@ static void test_apart(void **state SST_UNUSED)
     for (int k = 0; k < 9; k++)
         set_disparity(&lf.views[k], 0, (uint16_t)(FAR + 100 * k));
     assert_int_equal(choose(&lf, 1, carried), 9);
-    for (int k = 0; k < 9; k++) /* seven eighths are shared: a third of the views is enough */
+    for (int k = 0; k < 9; k++) /* five sixths are shared: a third of the views is enough */
         set_disparity(&lf.views[k], 0, 0);
     for (int k = 0; k < 9; k++)
-        set_disparity(&lf.views[k], HEIGHT - HEIGHT / 8, (uint16_t)(FAR + 100 * k));
+        set_disparity(&lf.views[k], HEIGHT - HEIGHT / 6, (uint16_t)(FAR + 100 * k));
     assert_int_equal(choose(&lf, 1, carried), 3);
     sst_lightfield_fini(&lf);
 }

@@ -15,7 +15,7 @@
 #include "pipeline/method/process/process_internal.h"
 
 #define LABELLED_LEAST    5    /* views, or all of fewer */
-#define LABELLED_TESTED   8    /* views, or all of fewer, with maps that were tested (balanced, accurate) */
+#define LABELLED_TESTED   6    /* views, or all of fewer, with maps that were tested (balanced, accurate) */
 #define DIFFER_SOME       0.01 /* of the labels that two views see: more views are labelled, which vote */
 #define JITTER_PX         6.0  /* pairs that are off by less are corrected, not judged */
 #define INFINITY_SLACK_PX 1.0  /* of an estimated range around infinity: errors of positions and noise */
