@@ -18,8 +18,8 @@
 #define SHARED_BYTES ((size_t)3 << 29)
 /* ... and of others. */
 #define VOLUME_BYTES ((size_t)6 << 30)
-/* Key views miss for certain where maps of half size would change this many times key_error. */
-#define KEYS_MISS 2
+/* Key views of half size miss where carrying would change more of the reference view, percent. */
+#define HALF_ERROR 10
 
 static int check_config(const struct sst_lightfield *lf, const struct sst_disparity_config *cfg)
 {
@@ -504,8 +504,39 @@ static void run_fini(struct disparity_run *run)
     free(run->filled);
 }
 
-/* As probe_carrying(), on views of half size. */
-static int probe_half(const struct disparity_run *run, int threads, double *error)
+/* A view's map of half size, known everywhere, as the sweep starts from it. */
+static void take_start(struct sst_map_u16 *out, struct disparity_run *half, int view, int disp_min)
+{
+    struct sst_map_u16 *from = half->filled[view].data ? &half->filled[view] : &half->disp[view];
+    const int above = 32 * (2 * half->disp_min - disp_min);
+
+    *out = *from;
+    *from = (struct sst_map_u16){ 0 };
+    for (int y = 0; y < out->height; y++) {
+        uint16_t *row = sst_map_u16_row(out, y);
+
+        for (int x = 0; x < out->width; x++)
+            row[x] = (uint16_t)(row[x] == SST_DISP_NONE ? 0 : sst_max_int(row[x] + above, 0));
+    }
+}
+
+/* Key views of half size, their maps carried to the others, unless they miss. */
+static int carry_half(struct disparity_run *half, double *error, int threads)
+{
+    int err = allocate_workers(half, threads);
+
+    err = err ? err : make_volumes(half, threads);
+    err = err ? err : probe_carrying(half, half->workers, error);
+    if (!err && islessequal(*error, HALF_ERROR))
+        err = run_match(half, half->workers, NULL, NULL);
+    free_first(half);
+    return err || !islessequal(*error, HALF_ERROR) ? err : finish_maps(half, threads);
+}
+
+/* Maps of half size as the preset preview makes them, where its key views show the reference view.
+ * @param start  out [views], zero before; without memory: key views miss
+ * @param error  out, percent of the reference view's pixels */
+static int make_half(const struct disparity_run *run, int threads, struct sst_map_u16 *start, double *error)
 {
     const bool tested = run->lf->disparity_tested;
     struct sst_disparity_config cfg = *run->cfg;
@@ -513,59 +544,70 @@ static int probe_half(const struct disparity_run *run, int threads, double *erro
     int err;
 
     cfg.scale = 2;
+    cfg.rounds = cfg.support_arm = cfg.bilateral_tau = cfg.subpixel_steps = 0;
     cfg.runner = NULL;
     cfg.share = NULL;
     cfg.report = NULL;
     err = run_init(&half, run->lf, &cfg);
     run->lf->disparity_tested = tested;
-    if (!err && half.carried && half.rounds) {
-        err = allocate_workers(&half, threads);
-        err = err ? err : make_volumes(&half, threads);
-        err = err ? err : probe_carrying(&half, half.workers, error);
-        free_first(&half);
-    }
+    if (!err && half.carried)
+        err = carry_half(&half, error, threads);
+    for (int k = 0; !err && islessequal(*error, HALF_ERROR) && k < run->lf->rows * run->lf->cols; k++)
+        take_start(&start[k], &half, k, run->disp_min);
     run_fini(&half);
     return err;
 }
 
-/* The share of the reference view that carrying would change: at half size where that decides, and nothing is matched.
- */
-static int measure_carrying(struct disparity_run *run, int workers, bool sweeps, double *error)
+/* Maps of all views by the sweep, from maps of half size unless their key views miss: there many depths are near each
+ * other, and colours that many views agree on find them. @return as run_sweep() */
+static int sweep_scene(struct disparity_run *run, int threads)
 {
+    const int count = run->lf->rows * run->lf->cols;
+    struct sst_map_u16 *start = calloc((size_t)count, sizeof(*start));
+    double error = NAN;
+    int err = start ? make_half(run, threads, start, &error) : -ENOMEM;
+    const bool carried = islessequal(error, HALF_ERROR);
+
+    err = err ? err : run_sweep(run, carried ? start : NULL, threads);
+    if (!err && run->cfg->report) {
+        run->cfg->report->views_error = carried ? error : NAN;
+        run->cfg->report->views_skipped = carried ? run->cfg->report->views_skipped : 0;
+    }
+    for (int k = 0; start && k < count; k++)
+        sst_map_u16_fini(&start[k]);
+    free(start);
+    return err;
+}
+
+/* The sweep over all views, where they have texture; else, or if it would need too much memory, the key views, if the
+ * scene allows that the others are carried: where their maps give the reference view few other disparities. Else all are
+ * matched. */
+static int match_keys(struct disparity_run *run, int threads, sst_progress_fn *progress, void *progress_arg)
+{
+    bool sweeps = run_may_sweep(run);
+    double error = NAN;
     int err = 0;
 
     if (sweeps && run->scale == 1 && !run->networks) {
-        free_volumes(run);
-        err = probe_half(run, sst_thread_count(run->cfg->threads), error);
-        if (err || isgreater(*error, KEYS_MISS * run->cfg->key_error))
+        free_matching(run);
+        err = sweep_scene(run, threads);
+        if (err != -E2BIG)
             return err;
-        err = make_volumes(run, sst_thread_count(run->cfg->threads));
+        err = make_volumes(run, threads);
+        sweeps = false;
     }
-    return err ? err : probe_carrying(run, workers, error);
-}
-
-/* The key views, if the scene allows that the others are carried: where their maps give the reference view few other
- * disparities. Else a sweep over all views; or all are matched, where views lack texture or the sweep would need too
- * much memory. */
-static int match_keys(struct disparity_run *run, int workers, sst_progress_fn *progress, void *progress_arg)
-{
-    const bool sweeps = run_may_sweep(run);
-    double error = NAN;
-    int err = measure_carrying(run, workers, sweeps, &error);
-
-    if (!err && !islessequal(error, run->cfg->key_error)) {
-        if (run->cfg->report)
-            run->cfg->report->views_skipped = 0;
-        if (sweeps) {
-            free_matching(run);
-            err = run_sweep(run, sst_thread_count(run->cfg->threads));
-            if (err != -E2BIG)
-                return err;
-            err = make_volumes(run, sst_thread_count(run->cfg->threads));
-        }
-        run->others = true;
-    } else if (!err && run->cfg->report) {
-        run->cfg->report->views_error = error;
+    err = err ? err : probe_carrying(run, run->workers, &error);
+    run->others = !islessequal(error, run->cfg->key_error);
+    if (run->cfg->report) {
+        run->cfg->report->views_skipped = run->others ? 0 : run->cfg->report->views_skipped;
+        run->cfg->report->views_error = run->others ? NAN : error;
+    }
+    if (!err && run->others && sweeps) {
+        free_matching(run);
+        err = run_sweep(run, NULL, threads);
+        if (err != -E2BIG)
+            return err;
+        err = make_volumes(run, threads);
     }
     return err ? err : run_match(run, run->workers, progress, progress_arg);
 }
@@ -607,7 +649,7 @@ static int run_all(struct disparity_run *run, int threads, sst_progress_fn *prog
     }
     err = err ? err : choose_ranges(run, threads);
     if (run->carried && run->rounds)
-        err = err ? err : match_keys(run, run->workers, progress, progress_arg);
+        err = err ? err : match_keys(run, threads, progress, progress_arg);
     else
         err = err ? err : run_match(run, run->workers, progress, progress_arg);
     free_first(run);

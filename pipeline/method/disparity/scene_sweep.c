@@ -1,4 +1,4 @@
-/* Maps of all views by the sweep in scene space (pipeline/method/sweep/), for scenes in which key views miss. */
+/* Maps of all views by the sweep in scene space (pipeline/method/sweep/). */
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
@@ -10,8 +10,10 @@
 #include "pipeline/method/sweep/sweep.h"
 #include "pipeline/step/run.h"
 
-/* Mean difference to the consensus, of R, G and B together, up to which a disparity is not tested again. */
-#define SETTLED 36
+/* Mean difference to the consensus, of R, G and B together, up to which a disparity is not tested again: of foliage,
+ * and after maps of half size. */
+#define SETTLED      36
+#define SETTLED_HALF 24
 /* The sweep in scene space compares windows of 3x3: it is for views of which at most this percent of larger windows are
  * of one colour. */
 #define FLAT_MOST    10
@@ -60,8 +62,9 @@ bool run_may_sweep(const struct disparity_run *run)
     return !run->cfg->frugal && reference->present && is_textured(&reference->image);
 }
 
-/* Confidence of a view's map from its costs, and where they are so low that no other disparity is tested. */
-static int settle(struct disparity_run *run, int view)
+/* Confidence of a view's map from its costs, and where they are so low that no other disparity is tested.
+ * @param most  such a cost */
+static int settle(struct disparity_run *run, int view, int most)
 {
     struct sst_map_u8 *cost = &run->settled[view], *confidence = &run->confidence[view];
     int err = 0;
@@ -73,13 +76,32 @@ static int settle(struct disparity_run *run, int view)
 
         for (int x = 0; x < cost->width; x++) {
             to[x] = (uint8_t)(255 - 2 * sst_min_int(c[x], 127));
-            c[x] = c[x] <= SETTLED ? 255 : 0;
+            c[x] = c[x] <= most ? 255 : 0;
         }
     }
     return err;
 }
 
-int run_sweep(struct disparity_run *run, int threads)
+/* The filters of matched maps: planes' disparities jump where texture is weak. */
+static int smooth(void *arg, int view, int worker SST_UNUSED)
+{
+    struct disparity_run *run = arg;
+    struct sst_map_u16 *disp = &run->disp[view];
+    struct sst_map_u8 luma = { 0 };
+    struct sst_mem_kept lines = { 0 };
+    int err;
+
+    if (!disp->data)
+        return 0;
+    err = sst_luma(&luma, &run->lf->views[view].image);
+    err = err ? err : sst_disparity_median5(disp, &lines);
+    err = err ? err : sst_disparity_bilateral(disp, &luma, run->cfg->bilateral_tau);
+    sst_map_u8_fini(&luma);
+    sst_mem_kept_fini(&lines);
+    return err;
+}
+
+int run_sweep(struct disparity_run *run, const struct sst_map_u16 *start, int threads)
 {
     const int count = run->lf->rows * run->lf->cols;
     struct sst_map_u8 *seen = calloc((size_t)count, sizeof(*seen));
@@ -108,6 +130,7 @@ int run_sweep(struct disparity_run *run, int threads)
                                                        .disp_min_px = run->disp_min,
                                                        .range = run->range,
                                                        .bytes = run->cfg->memory,
+                                                       .start = start,
                                                        .threads = threads,
                                                        .cancel = run->cfg->cancel });
     if (err == -E2BIG) { /* all views are to be matched, as if there had been no map */
@@ -121,12 +144,14 @@ int run_sweep(struct disparity_run *run, int threads)
     }
     for (int k = 0; k < count; k++) {
         if (!err && run->settled[k].data)
-            err = settle(run, k);
+            err = settle(run, k, start ? SETTLED_HALF : SETTLED);
         if (half)
             sst_image_fini(&half[k]);
         if (seen)
             sst_map_u8_fini(&seen[k]);
     }
+    if (!err && start)
+        err = sst_parallel_for(count, threads, smooth, run);
     free(seen);
     free(half);
     free(view);

@@ -11,12 +11,11 @@
 
 #define LEVELS      4
 #define LARGE       600000 /* pixels of a view from which on maps of half size come first */
-#define ENOUGH      81     /* planes: as far from each other as makes this many, but at least this far, 1/64 px ... */
-#define FINEST      32
-#define FINEST_HALF 24  /* at half size */
-#define COARSEST    64  /* ... and at most this far */
+#define FINE        32     /* 1/64 px between planes: their shifts by whole spacings are of whole or half pixels ... */
+#define COARSE      64     /* ... and where that makes too many planes of whole ones: others favour disparities by rounding */
 #define SURE        26  /* largest median cost of maps that others start from */
 #define NOISE_COST  2.4 /* mean difference of R, G and B together that a level of noise makes */
+#define TEXTURE     10  /* median cost of maps without noise that others made */
 
 /** Views of a size and their maps; the first level has the caller's. */
 struct level {
@@ -127,9 +126,9 @@ static int more_noise(const struct sst_planesweep *in, const struct sst_planeswe
 }
 
 /* Distance of planes, 1/64 px. */
-static int step_of(int range, bool half)
+static int step_of(int range)
 {
-    return sst_clamp_int((range * 64 + ENOUGH - 2) / (ENOUGH - 1), half ? FINEST_HALF : FINEST, COARSEST);
+    return range * 64 / FINE + 1 <= SWEEP_PLANES ? FINE : COARSE;
 }
 
 int sst_planesweep(const struct sst_planesweep *in)
@@ -138,6 +137,10 @@ int sst_planesweep(const struct sst_planesweep *in)
     int last = 0, median = 0, err = 0;
     bool half = false; /* its maps are there, and good enough */
 
+    if (in->start && first_image(in)) {
+        median = TEXTURE + (int)lround(NOISE_COST * sst_image_noise(first_image(in)));
+        return sweep_run(in, step_of(in->range), in->start, 255, &median);
+    }
     while (!err && last + 1 < LEVELS && is_large(&level[last].sweep)) {
         last++;
         err = level_init(&level[last], &level[last - 1].sweep);
@@ -148,7 +151,7 @@ int sst_planesweep(const struct sst_planesweep *in)
         if (!err && half)
             median += more_noise(&level[i].sweep, &level[i + 1].sweep);
         err = err ? err
-                  : sweep_run(&level[i].sweep, step_of(level[i].sweep.range, i > 0), start, i ? SURE : 255, &median);
+                  : sweep_run(&level[i].sweep, step_of(level[i].sweep.range), start, i ? SURE : 255, &median);
         half = median <= SURE;
         if (i < last)
             level_fini(&level[i + 1]);

@@ -16,7 +16,6 @@
 #include "pipeline/method/sweep/sweep_internal.h"
 
 #define BYTES     ((size_t)3 << 30)
-#define PLANES    128 /* at most ... */
 #define TOLERANCE 2   /* planes that are nearer to each other are one surface */
 #define CLAIMS    3   /* views that must claim a plane at some pixel of a block, at most, ... */
 #define CLAIMED   9   /* ... or one view in this many voters, if that is fewer */
@@ -149,7 +148,7 @@ static int make_planes(struct sweep *s)
             return -ENOMEM;
         bytes += place_plane(s, i);
     }
-    if (bytes > most || s->planes > PLANES)
+    if (bytes > most || s->planes > SWEEP_PLANES)
         return -E2BIG;
     for (int i = 0; i < s->planes; i++) {
         s->plane[i].consensus = sst_mem_alloc_raw(4 * s->plane[i].stride * (size_t)s->plane[i].rows, 1);

@@ -8,6 +8,7 @@
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/method/sweep/sweep.h"
 
+#define SWEEP_PLANES   250                 /* at most: numbers of planes and of their neighbours are bytes */
 #define SWEEP_PAD      SST_CONSENSUS_BLOCK /* columns on both sides of rows of a view */
 #define SWEEP_TILE     64                  /* rows of a view, of which maps are computed together */
 #define SWEEP_LOOK     8                   /* rows below a tile in which paths from below begin */
