@@ -1,4 +1,4 @@
-/* land_row. With AVX-512 neighbouring pixels that all move alike are stored at once. The others are stored one by one:
+/* land_row. With AVX neighbouring pixels that all move alike are stored at once. The others are stored one by one:
  * masked stores of some lanes stall the loads that follow. Their places are looked up together, since mostly few are
  * open. */
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
@@ -95,6 +95,22 @@ static inline __m256i KERNEL(land_within)(__m256i v, int most)
     return _mm256_cmpeq_epi32(_mm256_min_epu32(v, _mm256_set1_epi32(most)), v);
 }
 
+/* Pixels that land side by side. The upper halves of d, all ones, leave the sources as they are. */
+static inline void KERNEL(land_alike)(uint32_t *nearest, uint32_t *farthest, __m256i value, __m256i d, uint32_t source)
+{
+    __m256i *to = (__m256i *)(void *)nearest, *far = (__m256i *)(void *)farthest;
+    const __m256i old = _mm256_loadu_si256(to);
+
+    _mm256_storeu_si256(to, _mm256_max_epu32(old, value));
+    if (far) {
+        const __m256i closed = _mm256_cmpeq_epi32(old, _mm256_set1_epi32(-1)), was = _mm256_loadu_si256(far);
+        const __m256i least = _mm256_min_epu16(was, _mm256_or_si256(d, _mm256_set1_epi32((int)0xFFFF0000)));
+
+        _mm256_storeu_si256(
+            far, _mm256_blendv_epi8(_mm256_or_si256(least, _mm256_set1_epi32((int)source)), was, closed));
+    }
+}
+
 static void KERNEL(land_row)(uint32_t *restrict nearest, uint32_t *restrict farthest, const struct sst_landing *l,
                              const uint16_t *restrict disp, const uint8_t *restrict rank, size_t n)
 {
@@ -111,18 +127,24 @@ static void KERNEL(land_row)(uint32_t *restrict nearest, uint32_t *restrict fart
         const __m256i lands =
             _mm256_and_si256(KERNEL(land_within)(d, 65534), _mm256_and_si256(KERNEL(land_within)(x, v.width - 1),
                                                                              KERNEL(land_within)(y, v.height - 1)));
-        const __m256i there =
-            _mm256_mask_i32gather_epi32(closed, (const int *)(const void *)nearest, to, lands, sizeof(*nearest));
-        __m256i value = _mm256_slli_epi32(_mm256_add_epi32(d, _mm256_set1_epi32(1)), SST_LANDED_DISP);
-        unsigned open = ~(unsigned)_mm256_movemask_ps(_mm256_castsi256_ps(_mm256_cmpeq_epi32(there, closed))) & 0xFF;
+        const int32_t first = _mm256_cvtsi256_si32(to);
+        const __m256i alike = _mm256_cmpeq_epi32(to, _mm256_add_epi32(lane, _mm256_set1_epi32(first)));
+        __m256i value = _mm256_slli_epi32(_mm256_add_epi32(d, _mm256_set1_epi32(1)), SST_LANDED_DISP), there;
         int32_t at[LAND_LANES];
         uint32_t values[LAND_LANES];
+        unsigned open;
 
-        if (!open)
-            continue;
         if (rank)
             value = _mm256_or_si256(value,
                                     _mm256_cvtepu8_epi32(_mm_loadl_epi64((const __m128i *)(const void *)(rank + i))));
+        if (_mm256_movemask_epi8(_mm256_and_si256(alike, lands)) == -1) {
+            KERNEL(land_alike)(nearest + first, farthest ? farthest + first : NULL, value, d, source);
+            continue;
+        }
+        there = _mm256_mask_i32gather_epi32(closed, (const int *)(const void *)nearest, to, lands, sizeof(*nearest));
+        open = ~(unsigned)_mm256_movemask_ps(_mm256_castsi256_ps(_mm256_cmpeq_epi32(there, closed))) & 0xFF;
+        if (!open)
+            continue;
         _mm256_storeu_si256((__m256i *)(void *)at, to);
         _mm256_storeu_si256((__m256i *)(void *)values, value);
         for (; open; open &= open - 1) {

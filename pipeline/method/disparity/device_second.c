@@ -153,14 +153,14 @@ void visible_derive(struct sst_run *r, void *pass, int k, struct sst_gpu_range t
     device_derive(r, ((const struct visible_pass *)pass)->in, k, SST_GPU_TO_HYPOTHESES, to);
 }
 
-/* Load view k and the views that it is tested against. */
-static void load_tests(struct tests *l, struct sst_run *r, const struct visible_pass *p, int k)
+/* Load view k and the nearest views, against which it is tested. */
+static void load_tests(struct tests *l, struct sst_run *r, const struct visible_pass *p, int k, int views)
 {
     struct gpu_hypothesis_view view[SST_HYPOTHESIS_VIEWS] = { { 0 } };
     int index[1 + SST_HYPOTHESIS_VIEWS] = { k };
     const struct sst_hypothesis_test *t = &l->test;
 
-    visible_set_test(&l->test, p, k, index + 1);
+    visible_set_test(&l->test, p, k, views, index + 1);
     l->pixels = sst_run_planes(r, SST_PLANE_DERIVED, index, 1 + t->views);
     for (int i = 0; i < t->views; i++)
         view[i] = (struct gpu_hypothesis_view){ t->x[i], t->y[i], t->dx[i], t->dy[i],
@@ -210,7 +210,7 @@ void dispatch_sweep(struct sst_run *r, void *job, int i)
     const struct sst_gpu_range found = sst_run_scratch(r, FOUND, n * sizeof(uint32_t));
     const uint32_t *words;
 
-    load_tests(&t, r, p, p->swept[i]);
+    load_tests(&t, r, p, p->swept[i], VISIBLE_SWEEP_VIEWS);
     push = (struct gpu_sweep){ t.push,      plan->stride,   plan->level,      plan->levels,
                                plan->apart, plan->distinct, plan->weight_most };
     SST_RUN_GROUPS(r, SST_GPU_SWEEP_POINTS, &push, columns, rows, 1, t.views, t.pixels,
@@ -453,7 +453,7 @@ void dispatch_surfaces(struct sst_run *r, void *job, int k)
     struct visible_tested t;
 
     w.pixels = (size_t)w.width * (size_t)w.height;
-    load_tests(&w.tests, r, p, k);
+    load_tests(&w.tests, r, p, k, VISIBLE_VIEWS);
     w.list = words_of(&w, LIST, w.pixels * SST_HYPOTHESES / 2);
     w.counts = words_of(&w, COUNTS, w.pixels);
     list_surfaces(&w);

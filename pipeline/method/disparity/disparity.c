@@ -209,24 +209,12 @@ static int carry(struct disparity_run *run, const struct sst_visible_views *in, 
     return err ? err : run_fill_background(run, threads);
 }
 
-/* Give the carried views the key views' maps, unless they were matched. */
-static int carry_unmatched(const struct disparity_run *run, const struct sst_visible_views *in, int threads)
-{
-    return run->others ? 0 : sst_disparity_carry(in, NULL, threads);
-}
-
-/* The second pass of the key views, then that of the others. */
+/* The second pass of the key views, then that of the others, to which maps are carried unless they were matched. */
 static int repair_views(struct disparity_run *run, struct sst_visible_views *in, int threads)
 {
     struct sst_map_u8 *agreed = calloc((size_t)in->count, sizeof(*agreed));
-    int err = agreed ? carry_unmatched(run, in, threads) : -ENOMEM;
+    const int err = agreed ? sst_disparity_repair(in, agreed, !run->others, run->rounds, threads) : -ENOMEM;
 
-    err = err ? err : sst_disparity_visible(in, run->rounds, threads);
-    for (int k = 0; !err && k < in->count; k++)
-        in->view[k].agreed = &agreed[k];
-    err = err ? err : carry_unmatched(run, in, threads);
-    in->repair = true;
-    err = err ? err : sst_disparity_visible(in, run->rounds, threads);
     for (int k = 0; k < in->count; k++) {
         in->view[k].carried = false;
         in->view[k].agreed = NULL;

@@ -42,16 +42,30 @@ void visible_adopt(const struct sst_visible_views *in)
 static int one_round(struct visible_pass *p)
 {
     const struct sst_visible_views *in = p->in;
-    int err = visible_pass_code(p);
+    const int err = visible_test(p, in->runner);
 
-    err = err ? err : visible_test(p, in->runner);
     for (int k = 0; k < in->count; k++) {
         if (!err && p->out[k].data) {
             memcpy(in->view[k].disp->data, p->out[k].data, p->out[k].stride * (size_t)p->out[k].height);
             memcpy(in->view[k].confidence->data, p->confidence[k].data,
                    p->confidence[k].stride * (size_t)p->confidence[k].height);
         }
+        sst_map_u16_fini(&p->out[k]);
+        sst_map_u8_fini(&p->confidence[k]);
         add_counted(p, k);
+    }
+    return err;
+}
+
+/* Rounds over maps of which the depth codes tell. */
+static int all_rounds(struct visible_pass *p, int rounds)
+{
+    int err = 0;
+
+    visible_adopt(p->in);
+    for (int i = 0; !err && i < rounds; i++) {
+        err = i ? visible_pass_code(p) : 0;
+        err = err ? err : one_round(p);
     }
     return err;
 }
@@ -63,8 +77,28 @@ int sst_disparity_visible(const struct sst_visible_views *in, int rounds, int th
 
     visible_adopt(in);
     err = err ? err : visible_sweep(&p, in->runner);
-    for (int i = 0; !err && i < rounds; i++)
-        err = one_round(&p);
+    err = err ? err : all_rounds(&p, rounds);
+    if (!err)
+        report_skipped(&p);
+    visible_pass_fini(&p);
+    return err;
+}
+
+int sst_disparity_repair(struct sst_visible_views *in, struct sst_map_u8 *agreed, bool carry, int rounds, int threads)
+{
+    struct visible_pass p = { .in = in, .threads = threads };
+    int err = carry ? sst_disparity_carry(in, NULL, threads) : 0;
+
+    err = err ? err : visible_pass_init(&p);
+    visible_adopt(in);
+    err = err ? err : visible_sweep(&p, in->runner);
+    err = err ? err : all_rounds(&p, rounds);
+    for (int k = 0; k < in->count; k++)
+        in->view[k].agreed = &agreed[k];
+    err = err || !carry ? err : sst_disparity_carry(in, NULL, threads);
+    err = err ? err : visible_pass_code(&p);
+    in->repair = true;
+    err = err ? err : all_rounds(&p, rounds);
     if (!err)
         report_skipped(&p);
     visible_pass_fini(&p);

@@ -69,6 +69,16 @@ int sst_visible_block(const struct sst_visible_views *in);
 SST_MUST_CHECK int sst_disparity_visible(const struct sst_visible_views *in, int rounds, int threads);
 
 /**
+ * The second pass of the matched views, then that of the carried ones, which starts from the new maps. The points of
+ * the first one's sweep count in both.
+ *
+ * @param agreed  [count] out: `agreed` of in->view from then on; empty before
+ * @param carry   carry the matched views' maps to the others before each of the two
+ */
+SST_MUST_CHECK int sst_disparity_repair(struct sst_visible_views *in, struct sst_map_u8 *agreed, bool carry, int rounds,
+                                        int threads);
+
+/**
  * Carry the maps of the matched views to the others (design.md, 5.7), which become dense.
  *
  * @param status  [count] enum sst_disparity_check of the matched views' pixels; out for the others: pixels whose

@@ -22,7 +22,6 @@
 #define P2             300
 #define EDGE_STEP      16 /* levels at which P2 is halved */
 #define SWEPT          4  /* one in this many views looks for surfaces that no map has */
-#define SWEPT_VIEWS    16 /* that maps of a sweep in scene space are tested against */
 #define NEAREST_CODE   254
 #define DISPLACED_MOST 32000 /* px */
 
@@ -160,13 +159,12 @@ int sst_visible_block(const struct sst_visible_views *in)
     return sst_share_block(pixels);
 }
 
-void visible_set_test(struct sst_hypothesis_test *t, const struct visible_pass *p, int k, int *nearest)
+void visible_set_test(struct sst_hypothesis_test *t, const struct visible_pass *p, int k, int views, int *nearest)
 {
     const struct sst_visible_view *own = &p->in->view[k];
 
     *t = (struct sst_hypothesis_test){ .own = { p->view[k].pixels, p->view[k].stride },
-                                       .views = sst_visible_nearest(
-                                           p->in, k, p->in->swept ? SWEPT_VIEWS : SST_HYPOTHESIS_VIEWS, nearest),
+                                       .views = sst_visible_nearest(p->in, k, views, nearest),
                                        .width = own->disp->width,
                                        .height = own->disp->height,
                                        .code = p->code,
