@@ -63,7 +63,7 @@ struct KERNEL(hypothesis_views) {
     __m256i x[HYPOTHESIS_PARTS], y[HYPOTHESIS_PARTS], dx[HYPOTHESIS_PARTS], dy[HYPOTHESIS_PARTS];
     __m256i used[HYPOTHESIS_PARTS], right, bottom; /* last column and row */
     ptrdiff_t stride;
-    int parts; /* with views */
+    int parts, halves; /* with views */
 };
 
 static inline __m256i KERNEL(hypothesis_load)(const int32_t *from)
@@ -82,6 +82,7 @@ static inline void KERNEL(hypothesis_views_init)(struct KERNEL(hypothesis_views)
     }
     v->stride = t->own.stride;
     v->parts = (t->views + 7) / 8;
+    v->halves = (t->views + 3) / 4;
     for (int i = 0; i < HYPOTHESIS_PARTS; i++) {
         v->x[i] = KERNEL(hypothesis_load)(t->x + 8 * i);
         v->y[i] = KERNEL(hypothesis_load)(t->y + 8 * i);
@@ -207,9 +208,11 @@ static inline unsigned KERNEL(hypothesis_cost)(const struct KERNEL(hypothesis_vi
     for (int i = v->parts; i < HYPOTHESIS_PARTS; i++)
         costs[i] = _mm_set1_epi16(-1);
     for (int i = 0; i < v->parts; i++) {
-        __m128i pixels[2];
+        __m128i pixels[2] = { _mm_setzero_si128(), _mm_setzero_si128() };
         const __m128i first = KERNEL(hypothesis_four)(v, w, offset, 8 * i, ahead, &pixels[0]);
-        const __m128i second = KERNEL(hypothesis_four)(v, w, offset, 8 * i + 4, ahead, &pixels[1]);
+        const __m128i second = 2 * i + 1 < v->halves
+                                   ? KERNEL(hypothesis_four)(v, w, offset, 8 * i + 4, ahead, &pixels[1])
+                                   : _mm_setzero_si128();
         const __m256i difference = _mm256_set_m128i(second, first);
         const __m256i code = _mm256_srli_epi32(_mm256_set_m128i(pixels[1], pixels[0]), 24);
         const __m256i there =

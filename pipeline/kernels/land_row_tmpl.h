@@ -106,8 +106,8 @@ static inline void KERNEL(land_alike)(uint32_t *nearest, uint32_t *farthest, __m
         const __m256i closed = _mm256_cmpeq_epi32(old, _mm256_set1_epi32(-1)), was = _mm256_loadu_si256(far);
         const __m256i least = _mm256_min_epu16(was, _mm256_or_si256(d, _mm256_set1_epi32((int)0xFFFF0000)));
 
-        _mm256_storeu_si256(
-            far, _mm256_blendv_epi8(_mm256_or_si256(least, _mm256_set1_epi32((int)source)), was, closed));
+        _mm256_storeu_si256(far,
+                            _mm256_blendv_epi8(_mm256_or_si256(least, _mm256_set1_epi32((int)source)), was, closed));
     }
 }
 

@@ -113,23 +113,24 @@ static uint16_t *kept_row(uint16_t *rows, int stride, int level, int y)
     return rows + (y + REACH) % turns * stride;
 }
 
-static void take_extremes(struct sst_map_u16 *out, const uint16_t *row, int y, uint16_t flip)
+/* Disparities, or their complements; unknown ones stay. */
+static void flip_row(uint16_t *restrict to, const uint16_t *restrict from, int n, uint16_t flip)
 {
-    uint16_t *to = sst_map_u16_row(out, y);
+    const uint16_t sign = flip ? 0xFFFF : 0, add = (uint16_t)(flip + (flip != 0)); /* flip - d = ~d + flip + 1 */
 
-    for (int x = 0; x < out->width; x++)
-        to[x] = row[x] == SST_DISP_NONE ? row[x] : (uint16_t)(flip ? flip - row[x] : row[x]);
+    for (int x = 0; x < n; x++) {
+        const uint16_t none = from[x] == (uint16_t)SST_DISP_NONE ? 0xFFFF : 0;
+
+        to[x] = (uint16_t)(((from[x] ^ sign) + add) | none);
+    }
 }
 
 /* A row of the map, with REACH pixels on both sides, and above and below. */
 static void padded_row(uint16_t *row, const struct sst_map_u16 *map, int y, uint16_t flip)
 {
     memset(row, 0xFF, ((size_t)map->width + 2 * REACH) * sizeof(*row));
-    for (int x = 0; y >= 0 && y < map->height && x < map->width; x++) {
-        const uint16_t d = sst_map_u16_row(map, y)[x];
-
-        row[x + REACH] = d == SST_DISP_NONE ? d : (uint16_t)(flip ? flip - d : d);
-    }
+    if (y >= 0 && y < map->height)
+        flip_row(row + REACH, sst_map_u16_row(map, y), map->width, flip);
 }
 
 /*
@@ -160,10 +161,22 @@ static int find_extremes(struct sst_map_u16 *out, int step, const struct sst_map
             least_of(row + reach, kept_row(rows, stride, i, y - apart) + reach, kept_row(rows, stride, i, y) + reach,
                      kept_row(rows, stride, i, y + apart) + reach, n);
             if (i >= WANTED && y >= 0 && y < map->height)
-                take_extremes(&out[(i - WANTED) * step], row + REACH, y, flip);
+                flip_row(sst_map_u16_row(&out[(i - WANTED) * step], y), row + REACH, map->width, flip);
         }
     }
     return err;
+}
+
+/* 0 where a row steps by more than `most` to the pixel on the right or to that below, 1 elsewhere. */
+static void steps_of_row(uint16_t *restrict to, const uint16_t *restrict at, const uint16_t *restrict below, int n,
+                         int most)
+{
+    for (int x = 0; x + 1 < n; x++) {
+        const int right = abs(at[x] - at[x + 1]), down = abs(at[x] - below[x]);
+
+        to[x] = (uint16_t)((right <= most) & (down <= most));
+    }
+    to[n - 1] = abs(at[n - 1] - below[n - 1]) <= most;
 }
 
 /* 0 where the map steps by more than 3/2 of `step` to the pixel on the right or below, 1 elsewhere. */
@@ -173,13 +186,8 @@ static int find_steps(struct sst_map_u16 *out, const struct sst_map_u16 *map, in
 
     for (int y = 0; !err && y < map->height; y++) {
         const uint16_t *at = sst_map_u16_row(map, y), *below = y + 1 < map->height ? sst_map_u16_row(map, y + 1) : at;
-        uint16_t *to = sst_map_u16_row(out, y);
 
-        for (int x = 0; x < map->width; x++) {
-            const int right = at[x + 1 < map->width ? x + 1 : x];
-
-            to[x] = abs(at[x] - right) <= most && abs(at[x] - below[x]) <= most;
-        }
+        steps_of_row(sst_map_u16_row(out, y), at, below, map->width, most);
     }
     return err;
 }
@@ -333,7 +341,7 @@ void sst_around_list(uint16_t *list, uint8_t *count, const struct sst_around *a,
             uint16_t *to = list + (i - left) * SST_HYPOTHESES;
 
             if (count[i - left] && !absent)
-                *(list_lanes *)to = (list_lanes){ 0 } + row.own[i];
+                *to = row.own[i];
             else
                 count[i - left] = (uint8_t)list_hypotheses(to, &row, peak, i);
         }

@@ -167,18 +167,16 @@ static int take_arrived(const struct carry *c, int k, const uint32_t *arrived)
         uint16_t *d = sst_map_u16_row(own->disp, y);
         uint8_t *confidence = sst_map_u8_row(own->confidence, y);
         uint8_t *agreed = own->agreed ? sst_map_u8_row(own->agreed, y) : NULL;
+        uint8_t *status = c->status ? sst_map_u8_row(&c->status[k], y) : NULL;
 
-        for (int x = 0; x < width; x++) {
-            const int disp = disp_of(at[x] & ~AGREES);
-
-            d[x] = disp < 0 ? (uint16_t)SST_DISP_NONE : (uint16_t)disp;
+        for (int x = 0; x < width; x++) { /* nothing arrived: -1, SST_DISP_NONE */
+            d[x] = (uint16_t)disp_of(at[x] & ~AGREES);
             confidence[x] = confidence_of(at[x]);
-            if (agreed)
-                agreed[x] = at[x] & AGREES ? 255 : 0;
-            if (c->status)
-                sst_map_u8_row(&c->status[k], y)[x] =
-                    at[x] & CONFIRMED ? SST_DISPARITY_CORRECT : SST_DISPARITY_OCCLUSION;
         }
+        for (int x = 0; agreed && x < width; x++)
+            agreed[x] = at[x] & AGREES ? 255 : 0;
+        for (int x = 0; status && x < width; x++)
+            status[x] = at[x] & CONFIRMED ? SST_DISPARITY_CORRECT : SST_DISPARITY_OCCLUSION;
     }
     return err;
 }

@@ -39,6 +39,7 @@ static int cheapest(const uint16_t *cost, int count)
 void visible_count_skipped(const struct visible_tested *t, const struct hypothesis_part *part, const uint32_t *chosen)
 {
     struct visible_counted *counted = &t->p->counted[t->k];
+    int64_t hypotheses = 0, skipped = 0;
     const bool sampled = part->y % VISIBLE_SAMPLED_ROWS == VISIBLE_SAMPLED_ROWS / 2;
     struct sst_hypothesis_test whole = t->test;
     uint16_t exact[HYPOTHESIS_STRIP * SST_HYPOTHESES];
@@ -55,13 +56,16 @@ void visible_count_skipped(const struct visible_tested *t, const struct hypothes
         const uint16_t own = chosen ? 0 : part->cost[at];
         const bool left_out = chosen ? there >> 28 & 1 : own > VISIBLE_CHANGE && own < VISIBLE_CHEAP;
 
-        counted->hypotheses += count;
-        counted->skipped += count > 1 && left_out ? count - 1 : 0;
-        counted->samples += sampled && count;
-        counted->changed +=
-            sampled && count &&
-            cheapest(exact + at, count) != (chosen ? (int)(there >> 25 & 7) : cheapest(part->cost + at, count));
+        hypotheses += count;
+        skipped += count > 1 && left_out ? count - 1 : 0;
+        if (!sampled)
+            continue;
+        counted->samples += count > 0;
+        counted->changed += count && cheapest(exact + at, count) !=
+                                         (chosen ? (int)(there >> 25 & 7) : cheapest(part->cost + at, count));
     }
+    counted->hypotheses += hypotheses;
+    counted->skipped += skipped;
 }
 
 /* Hypotheses of a strip and their costs: the rows of the other views that one row needs are in the cache for the next.
