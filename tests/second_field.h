@@ -135,7 +135,7 @@ static inline void second_run(struct second_field *f, struct sst_runner_user *de
     double percent[2];
 
     f->all.runner = device;
-    f->all.skip_hypotheses = skip;
+    f->all.skip_hypotheses = f->all.smooth = skip;
     assert_int_equal(sst_disparity_carry_error(&f->all, NULL, 3, &percent[0]), 0);
     assert_int_equal(sst_disparity_carry(&f->all, f->status, 2), 0);
     assert_int_equal(sst_disparity_repair(&f->all, f->agreed, true, 2, 2), 0);

@@ -210,7 +210,7 @@ void dispatch_sweep(struct sst_run *r, void *job, int i)
     const struct sst_gpu_range found = sst_run_scratch(r, FOUND, n * sizeof(uint32_t));
     const uint32_t *words;
 
-    load_tests(&t, r, p, p->swept[i], VISIBLE_SWEEP_VIEWS);
+    load_tests(&t, r, p, p->swept[i], visible_sweep_views(p->in));
     push = (struct gpu_sweep){ t.push,      plan->stride,   plan->level,      plan->levels,
                                plan->apart, plan->distinct, plan->weight_most };
     SST_RUN_GROUPS(r, SST_GPU_SWEEP_POINTS, &push, columns, rows, 1, t.views, t.pixels,
@@ -453,7 +453,7 @@ void dispatch_surfaces(struct sst_run *r, void *job, int k)
     struct visible_tested t;
 
     w.pixels = (size_t)w.width * (size_t)w.height;
-    load_tests(&w.tests, r, p, k, VISIBLE_VIEWS);
+    load_tests(&w.tests, r, p, k, visible_views(p->in));
     w.list = words_of(&w, LIST, w.pixels * SST_HYPOTHESES / 2);
     w.counts = words_of(&w, COUNTS, w.pixels);
     list_surfaces(&w);

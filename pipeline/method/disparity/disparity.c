@@ -170,6 +170,7 @@ int run_visible_views(const struct disparity_run *run, struct sst_visible_views 
                                        .scale = run->scale,
                                        .disp_min_px = run->disp_min,
                                        .range = run->range,
+                                       .smooth = run->carried && !run->others,
                                        .skip_hypotheses = run->cfg->skip_hypotheses,
                                        .report = run->cfg->report,
                                        .cancel = run->cfg->cancel,
@@ -317,8 +318,8 @@ static void free_matching(struct disparity_run *run)
         sst_descriptor_fini(&run->desc[view]);
 }
 
-/* The reference view and the key views that its map would be carried from, the only ones not to be carried for now; with
- * other key views, so that no worker is idle. */
+/* The reference view and the key views that its map would be carried from, the only ones not to be carried for now;
+ * with other key views, so that no worker is idle. */
 static int choose_probed(struct disparity_run *run, const struct sst_visible_views *in, int workers)
 {
     int source[CARRY_SOURCES];

@@ -131,7 +131,7 @@ static int test_view(void *job, int k, int worker)
 {
     struct visible_pass *p = job;
     struct visible_tested t;
-    int nearest[VISIBLE_VIEWS], err;
+    int nearest[SST_HYPOTHESIS_VIEWS], err;
 
     if (p->in->cancel && *p->in->cancel)
         return -ECANCELED;
@@ -139,7 +139,7 @@ static int test_view(void *job, int k, int worker)
     err = err ? err : sst_around_init(t.around, p->in, k, &p->sweeps);
     if (err)
         return err;
-    visible_set_test(&t.test, p, k, VISIBLE_VIEWS, nearest);
+    visible_set_test(&t.test, p, k, visible_views(p->in), nearest);
     choose(&t);
     return 0;
 }

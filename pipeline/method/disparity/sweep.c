@@ -92,11 +92,11 @@ static int sweep_job(void *job, int i, int worker SST_UNUSED)
     struct visible_pass *p = job;
     const struct sst_visible_view *v = &p->in->view[p->swept[i]];
     struct sst_hypothesis_test test;
-    int nearest[VISIBLE_SWEEP_VIEWS];
+    int nearest[SST_HYPOTHESIS_VIEWS];
 
     if (p->in->cancel && *p->in->cancel)
         return -ECANCELED;
-    visible_set_test(&test, p, p->swept[i], VISIBLE_SWEEP_VIEWS, nearest);
+    visible_set_test(&test, p, p->swept[i], visible_sweep_views(p->in), nearest);
     sst_mem_free(p->sweeps.sweep[i].point);
     return sst_sweep_view(&p->sweeps.sweep[i], &p->sweeps.plan, &test, v->disp, v->seen);
 }

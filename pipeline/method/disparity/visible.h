@@ -27,6 +27,7 @@ struct sst_visible_views {
     int range;                           /* whole pixels from there */
     bool repair;                         /* sst_disparity_visible(): the carried views, not the matched ones */
     bool swept;                          /* maps of a sweep in scene space: no surface is missing in all */
+    bool smooth;                         /* few surfaces: few views tell hypotheses apart */
     bool skip_hypotheses;                /* see struct sst_disparity_config */
     struct sst_disparity_report *report; /* out, skip_hypotheses' counters, or NULL */
     const SST_ATOMIC(bool) * cancel;     /* as in struct sst_disparity_config */

@@ -9,8 +9,6 @@
 
 #define VISIBLE_CHANGE       40 /* penalty of a disparity other than the first pass's */
 #define VISIBLE_CHEAP        96 /* cost of a disparity that needs no other to be tested, if hypotheses are skipped */
-#define VISIBLE_VIEWS        16 /* that hypotheses are tested against: farther ones decide less and hide more, ... */
-#define VISIBLE_SWEEP_VIEWS  12 /* ... and all disparities of a sparse pixel */
 #define VISIBLE_SAMPLED_ROWS 64 /* one in this many is tested whole, to measure what skipped hypotheses change */
 
 /** Pixels of a view with depth codes, and a margin. */
@@ -80,6 +78,18 @@ void visible_sample_free(void *pass);
 
 /** Tests of view k. @param nearest  out [views]: the views that it is tested against */
 void visible_set_test(struct sst_hypothesis_test *t, const struct visible_pass *p, int k, int views, int *nearest);
+
+/** Views that hypotheses are tested against, and all disparities of a sparse pixel. In foliage, farther ones see what
+ * the nearest do not. */
+static inline int visible_views(const struct sst_visible_views *in)
+{
+    return in->smooth || in->swept ? 16 : SST_HYPOTHESIS_VIEWS;
+}
+
+static inline int visible_sweep_views(const struct sst_visible_views *in)
+{
+    return in->smooth ? 12 : SST_HYPOTHESIS_VIEWS;
+}
 
 /** Functions of steps over the pass. */
 void visible_pass_source(const void *pass, int k, struct sst_plane_source *out);
