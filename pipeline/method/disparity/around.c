@@ -167,7 +167,7 @@ static int find_extremes(struct sst_map_u16 *out, int step, const struct sst_map
     return err;
 }
 
-/* 0 where a row steps by more than `most` to the pixel on the right or to that below, 1 elsewhere. */
+/* 0 where a row steps by more than `most` to the pixel on the right or below, 1 elsewhere. */
 static void steps_of_row(uint16_t *restrict to, const uint16_t *restrict at, const uint16_t *restrict below, int n,
                          int most)
 {

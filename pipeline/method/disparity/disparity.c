@@ -210,7 +210,7 @@ static int carry(struct disparity_run *run, const struct sst_visible_views *in, 
     return err ? err : run_fill_background(run, threads);
 }
 
-/* The second pass of the key views, then that of the others, to which maps are carried unless they were matched. */
+/* The second pass of the key views, then of all other views, to which maps are carried unless they were matched. */
 static int repair_views(struct disparity_run *run, struct sst_visible_views *in, int threads)
 {
     struct sst_map_u8 *agreed = calloc((size_t)in->count, sizeof(*agreed));

@@ -54,8 +54,8 @@ static inline double sst_visible_reach(const struct sst_visible_views *in)
 /** Views that processes exchange together (sst_share_block()). */
 int sst_visible_block(const struct sst_visible_views *in);
 
-/* Least views and range of the second pass. It samples the nearest pixels: surfaces of a narrow range are nearer to each other than
- * that can distinguish. */
+/* Least views and range of the second pass. It samples the nearest pixels: surfaces of a narrow range are nearer to
+ * each other than that can distinguish. */
 #define SST_VISIBLE_LEAST 6 /* views */
 #define SST_VISIBLE_RANGE 8 /* px */
 
@@ -70,8 +70,8 @@ int sst_visible_block(const struct sst_visible_views *in);
 SST_MUST_CHECK int sst_disparity_visible(const struct sst_visible_views *in, int rounds, int threads);
 
 /**
- * The second pass of the matched views, then that of the carried ones, which starts from the new maps. The points of
- * the first one's sweep count in both.
+ * The second pass of the matched views, then the second pass of the carried views, which starts from the new maps and
+ * from the same points of the sweep.
  *
  * @param agreed  [count] out: `agreed` of in->view from then on; empty before
  * @param carry   carry the matched views' maps to the others before each of the two

@@ -79,8 +79,8 @@ void visible_sample_free(void *pass);
 /** Tests of view k. @param nearest  out [views]: the views that it is tested against */
 void visible_set_test(struct sst_hypothesis_test *t, const struct visible_pass *p, int k, int views, int *nearest);
 
-/** Views that hypotheses are tested against, and all disparities of a sparse pixel. In foliage, farther ones see what
- * the nearest do not. */
+/** Views that hypotheses are tested against, and all disparities of a sparse pixel. In foliage, farther views see more
+ * through the gaps than the nearest views. */
 static inline int visible_views(const struct sst_visible_views *in)
 {
     return in->smooth || in->swept ? 16 : SST_HYPOTHESIS_VIEWS;
