@@ -83,7 +83,7 @@ void visible_set_test(struct sst_hypothesis_test *t, const struct visible_pass *
  * through the gaps than the nearest views. */
 static inline int visible_views(const struct sst_visible_views *in)
 {
-    return in->smooth || in->swept ? 16 : SST_HYPOTHESIS_VIEWS;
+    return in->swept ? 16 : in->smooth ? 20 : SST_HYPOTHESIS_VIEWS;
 }
 
 static inline int visible_sweep_views(const struct sst_visible_views *in)
