@@ -103,14 +103,14 @@ static void list_group(const struct sweep *s, const struct sweep_lists *l, int k
     uint8_t *on = l->on + at, *count = l->count + group_of(s, top) * s->blocks;
 
     memset(count, 0, (size_t)s->blocks);
-    if (s->start)
+    if (s->own)
         find_own(s, l, k, rows);
     for (int i = 0; i < s->planes; i++, on += s->blocks) {
         if (s->again)
             list_plane(on, s, &s->plane[i], s->plane[i].shift[k], rows);
         else
             memset(on, 1, (size_t)s->blocks);
-        for (int b = 0; s->start && b < s->blocks; b++)
+        for (int b = 0; s->own && b < s->blocks; b++)
             on[b] &= l->own[i * s->blocks + b];
         for (int b = 0; b < s->blocks; b++) {
             if (i == s->planes - 1 && !count[b]) /* nothing is claimed: any plane */

@@ -19,6 +19,7 @@
 #define TOLERANCE 2   /* planes that are nearer to each other are one surface */
 #define CLAIMS    3   /* views that must claim a plane at some pixel of a block, at most, ... */
 #define CLAIMED   9   /* ... or one view in this many voters, if that is fewer */
+#define REPEATED  1   /* times that the second round is repeated; in noise twice */
 #define BAND      8   /* rows of all planes that a thread computes: the views' rows stay in the cache */
 /* Thresholds of the second round: where views differ little from the consensus, and where they differ much, by noise or
  * by texture that whole pixels do not align. */
@@ -424,12 +425,42 @@ static int start_view(void *arg, int k, int worker SST_UNUSED)
     return err;
 }
 
+/* The map of view k becomes what the next round sees of it. */
+static int renew_view(void *arg, int k, int worker SST_UNUSED)
+{
+    struct sweep *s = arg;
+
+    for (int y = 0; s->in->view[k].image && y < s->height; y++) {
+        const uint16_t *disp = sst_map_u16_row(s->in->view[k].disp, y);
+        uint8_t *plane = s->view[k].plane + (size_t)y * s->stride + SWEEP_PAD;
+
+        for (int x = 0; x < s->width; x++)
+            plane[x] = (uint8_t)sst_min_int((disp[x] + s->step / 2) / s->step, s->planes - 1);
+    }
+    return 0;
+}
+
+/* The second round, and where the first one was at this size, the same from its maps. */
+static int sweep_again(struct sweep *s, int median)
+{
+    const int repeated = s->start ? 0 : REPEATED + (median >= thresholds[1].cost);
+    int err = sweep_round(s, true);
+
+    s->own = true;
+    for (int i = 0; !err && i < repeated; i++) {
+        err = sst_parallel_for(s->in->views, s->in->threads, renew_view, s);
+        err = err ? err : sweep_round(s, true);
+    }
+    return err;
+}
+
 int sweep_run(const struct sst_planesweep *in, int step, const struct sst_map_u16 *start, int most, int *median)
 {
     struct sweep s;
     int err = sweep_init(&s, in, step);
 
     s.start = start;
+    s.own = start;
     if (!err && start)
         err = sst_parallel_for(in->views, in->threads, start_view, &s);
     else if (!err)
@@ -439,7 +470,7 @@ int sweep_run(const struct sst_planesweep *in, int step, const struct sst_map_u1
     if (!err)
         set_thresholds(&s, *median);
     if (!err && *median <= most)
-        err = sweep_round(&s, true);
+        err = sweep_again(&s, *median);
     sweep_fini(&s);
     return err;
 }

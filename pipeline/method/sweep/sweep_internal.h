@@ -30,7 +30,7 @@ struct sweep_plane {
 
 /** A view with rows of `stride` bytes; a row begins SWEEP_PAD bytes before its first pixel. */
 struct sweep_view {
-    uint8_t *colour[3], *seen, *plane; /* seen: NULL: all pixels are; plane: of the first round's map */
+    uint8_t *colour[3], *seen, *plane; /* seen: NULL: all pixels are; plane: of the map of the round before */
     uint8_t *path[2][2], *least[2][2]; /* of the row before and this one, by diagonal: [planes][stride], [stride] */
     int row;                           /* of path and least: which one is the row before */
     int64_t costs[256];                /* pixels of the first round's map by cost */
@@ -40,7 +40,7 @@ struct sweep_view {
 struct sweep_lists {
     uint8_t *on;            /* [groups][planes][blocks], 1: the block has the plane */
     uint8_t *plane, *count; /* [groups][blocks][planes], [groups][blocks] of struct sst_consensus_listed */
-    uint8_t *own;           /* [planes][blocks] of a group: not 0: the view's first map has the plane in the block */
+    uint8_t *own;           /* [planes][blocks] of a group: not 0: the view's map has the plane in the block */
 };
 
 /** Costs of a view in work: of three rows, [planes][stride], where planes that a block does not have cost most, and
@@ -68,8 +68,9 @@ struct sweep {
     const struct sst_map_u16 *start;        /* [in->views] of half size that the second round starts from; NULL: none */
     int voter[SST_CONSENSUS_VIEWS], voters; /* views that make the consensus, well spread ones first */
     uint8_t *all;                           /* a row of seen pixels */
-    bool again;                             /* second round */
-    uint8_t near, most, p2, claims;         /* of the second round */
+    bool again;                             /* a round after the first one */
+    bool own;                               /* of planes near the views' own maps */
+    uint8_t near, most, p2, claims;         /* of rounds after the first one */
     int together, groups;                   /* views of a group; groups of all views */
     int workers;                            /* threads that maps take */
     int top, bottom;                        /* rows of the tile */
@@ -92,8 +93,8 @@ SST_MUST_CHECK int sweep_lists_init(const struct sweep *s, struct sweep_lists *l
 void sweep_lists_fini(struct sweep_lists *l);
 
 /** List the planes of view k in the tile's rows, in the row above them and down to row `bottom`: in the first round
- * all, in the second one the planes that are claimed at their pixels or at pixels beside them; after maps of half size
- * fewer, near the planes of the view's own map in the block. */
+ * all, later the planes that are claimed at their pixels or at pixels beside them; with `own` fewer, near the planes of
+ * the view's own map in the block. */
 void sweep_lists_make(const struct sweep *s, const struct sweep_lists *l, int k, int bottom);
 
 /** The planes of row y: [planes][blocks], and as lists. */
