@@ -13,7 +13,6 @@
 #define LARGE       600000 /* pixels of a view from which on maps of half size come first */
 #define FINE        32     /* 1/64 px between planes: their shifts by whole spacings are of whole or half pixels ... */
 #define COARSE      64     /* ... and where that makes too many planes of whole ones: others favour disparities by rounding */
-#define SURE        26  /* largest median cost of maps that others start from */
 #define NOISE_COST  2.4 /* mean difference of R, G and B together that a level of noise makes */
 #define TEXTURE     10  /* median cost of maps without noise that others made */
 
@@ -139,7 +138,7 @@ int sst_planesweep(const struct sst_planesweep *in)
 
     if (in->start && first_image(in)) {
         median = TEXTURE + (int)lround(NOISE_COST * sst_image_noise(first_image(in)));
-        return sweep_run(in, step_of(in->range), in->start, 255, &median);
+        return sweep_run(in, step_of(in->range), in->start, true, &median);
     }
     while (!err && last + 1 < LEVELS && is_large(&level[last].sweep)) {
         last++;
@@ -151,8 +150,8 @@ int sst_planesweep(const struct sst_planesweep *in)
         if (!err && half)
             median += more_noise(&level[i].sweep, &level[i + 1].sweep);
         err = err ? err
-                  : sweep_run(&level[i].sweep, step_of(level[i].sweep.range), start, i ? SURE : 255, &median);
-        half = median <= SURE;
+                  : sweep_run(&level[i].sweep, step_of(level[i].sweep.range), start, !i, &median);
+        half = median <= SWEEP_SURE;
         if (i < last)
             level_fini(&level[i + 1]);
     }

@@ -425,7 +425,7 @@ static int start_view(void *arg, int k, int worker SST_UNUSED)
     return err;
 }
 
-/* The map of view k becomes what the next round sees of it. */
+/* Planes of view k from its map, for the next round. */
 static int renew_view(void *arg, int k, int worker SST_UNUSED)
 {
     struct sweep *s = arg;
@@ -440,10 +440,10 @@ static int renew_view(void *arg, int k, int worker SST_UNUSED)
     return 0;
 }
 
-/* The second round, and where the first one was at this size, the same from its maps. */
-static int sweep_again(struct sweep *s, int median)
+/* The second round, and where the first one was at whole size, the same from its maps. */
+static int sweep_again(struct sweep *s, bool whole, int median)
 {
-    const int repeated = s->start ? 0 : REPEATED + (median >= thresholds[1].cost);
+    const int repeated = s->start || !whole ? 0 : REPEATED + (median >= thresholds[1].cost);
     int err = sweep_round(s, true);
 
     s->own = true;
@@ -454,7 +454,7 @@ static int sweep_again(struct sweep *s, int median)
     return err;
 }
 
-int sweep_run(const struct sst_planesweep *in, int step, const struct sst_map_u16 *start, int most, int *median)
+int sweep_run(const struct sst_planesweep *in, int step, const struct sst_map_u16 *start, bool whole, int *median)
 {
     struct sweep s;
     int err = sweep_init(&s, in, step);
@@ -469,8 +469,8 @@ int sweep_run(const struct sst_planesweep *in, int step, const struct sst_map_u1
         *median = median_cost(&s);
     if (!err)
         set_thresholds(&s, *median);
-    if (!err && *median <= most)
-        err = sweep_again(&s, *median);
+    if (!err && (whole || *median <= SWEEP_SURE))
+        err = sweep_again(&s, whole, *median);
     sweep_fini(&s);
     return err;
 }

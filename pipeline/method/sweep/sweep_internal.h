@@ -13,6 +13,7 @@
 #define SWEEP_TILE     64                  /* rows of a view, of which maps are computed together */
 #define SWEEP_LOOK     8                   /* rows below a tile in which paths from below begin */
 #define SWEEP_GROUP    8                   /* rows of a view that have one list of planes */
+#define SWEEP_SURE     26                  /* largest median cost of maps that others start from */
 #define SWEEP_TOGETHER 6                   /* views at most whose costs a thread computes together */
 
 /** A plane of the scene: consensus of reference pixels (x, y), which view k has at (x, y) - shift[k]. */
@@ -81,11 +82,12 @@ struct sweep {
  * Maps of all views, of planes `step` / 64 px apart.
  *
  * @param start   [in->views] maps of half size, that take the place of the first round; NULL: none
- * @param most    largest median: above it there is no second round, and the maps are of any content
+ * @param whole   maps of the caller's size: the second round is repeated if the first one was at this size. Else there is
+ *                no second round where the median is above SWEEP_SURE, and the maps are of any content
  * @param median  cost of the first round: out, or in where there is none
  * @return as sst_planesweep()
  */
-SST_MUST_CHECK int sweep_run(const struct sst_planesweep *in, int step, const struct sst_map_u16 *start, int most,
+SST_MUST_CHECK int sweep_run(const struct sst_planesweep *in, int step, const struct sst_map_u16 *start, bool whole,
                              int *median);
 
 /** @return 0, -ENOMEM; sweep_lists_fini() frees all */
