@@ -151,9 +151,9 @@ static __attribute__((noinline)) struct KERNEL(blend_weights)
     return w;
 }
 
-/* All bits of the labels and indices of some blocks, and bits where a disparity is unknown. */
+/* All bits of the labels and indices of some blocks, and their largest disparities. */
 struct KERNEL(blend_odd) {
-    simd_u16 unknown;
+    simd_u16 largest;
     __m256i labels, indices;
 };
 
@@ -177,7 +177,9 @@ static inline bool KERNEL(blend_has_ranges)(const struct KERNEL(blend_odd) * odd
 /* Whether there are unknown disparities, or labels without an index. */
 static inline bool KERNEL(blend_irregular)(const struct KERNEL(blend_odd) * odd)
 {
-    return simd_any_u32((simd_u32)odd->unknown) || !_mm256_testz_si256(odd->labels, _mm256_set1_epi8((char)0xF0)) ||
+    const simd_u16 unknown = simd_less_u16(odd->largest, simd_set_u16(SST_BLEND_UNKNOWN - 1));
+
+    return simd_any_u32((simd_u32)unknown) || !_mm256_testz_si256(odd->labels, _mm256_set1_epi8((char)0xF0)) ||
            !_mm256_testz_si256(odd->indices, _mm256_set1_epi8((char)SST_BLEND_MANY));
 }
 
@@ -208,7 +210,7 @@ static inline __attribute__((always_inline)) struct KERNEL(blend_weights)
     const simd_u16 disp = KERNEL(blend_quick_disp)(b->disp + x);
     struct KERNEL(blend_weights) w = { { r->scale, r->scale } };
 
-    odd->unknown |= simd_less_u16(disp, simd_set_u16(SST_BLEND_UNKNOWN - 1));
+    odd->largest = simd_max_u16(odd->largest, disp);
     if (b->label) {
         const __m256i indices = KERNEL(blend_indices)(r, b->label + x, odd);
 
@@ -243,7 +245,7 @@ static __attribute__((noinline)) void KERNEL(blend_weights_again)(float *w, cons
         struct KERNEL(blend_odd) odd = { 0 };
         struct KERNEL(blend_weights) of;
 
-        odd.unknown = simd_less_u16(simd_load_u16(r->b->disp + x + at), simd_set_u16(SST_BLEND_UNKNOWN - 1));
+        odd.largest = simd_load_u16(r->b->disp + x + at);
         if (r->b->label)
             KERNEL(blend_indices)(r, r->b->label + x + at, &odd);
         if (!KERNEL(blend_irregular)(&odd))

@@ -6,6 +6,7 @@
 #define SST_PIPELINE_KERNELS_KERNELS_H
 
 #include <stdbool.h>
+#include <string.h>
 
 #include "base/base.h"
 #include "pipeline/kernels/blend_near.h"
@@ -525,23 +526,34 @@ struct sst_blend_labels {
     uint8_t label_ranged[SST_BLEND_FEW]; /* [ranged] labels with SST_BLEND_RANGED */
 };
 
-/** Set all fields after `range`. */
-static inline void sst_blend_labels_few(struct sst_blend_labels *l)
+/** Give a label an index of its weight outside of its ranges. @param add  also where no label before has the weight */
+static inline void sst_blend_label_index(struct sst_blend_labels *l, int label, bool add)
 {
-    int k;
+    const struct sst_blend_range *r = &l->range[label];
+    int k = 0;
 
+    while (k < l->ones && l->one[k] != r->outside)
+        k++;
+    if (r->ranges > SST_BLEND_RANGES || k == SST_BLEND_ONES || (k == l->ones && !add))
+        return;
+    l->one[k] = r->outside;
+    l->index[label] = (uint8_t)(r->ranges ? k | SST_BLEND_RANGED : k);
+    if (r->ranges)
+        l->label_ranged[l->ranged++] = (uint8_t)label;
+    l->ones = sst_max_int(l->ones, k + 1);
+}
+
+/** Set all fields after `range`. @param present  in [256], labels that are expected: four different weights of these
+ *  are looked up faster than eight */
+static inline void sst_blend_labels_few(struct sst_blend_labels *l, const bool *present)
+{
     l->ones = l->ranged = 0;
-    for (int i = 0; i < SST_BLEND_FEW; i++) {
-        for (k = 0; k < l->ones && l->one[k] != l->range[i].outside; k++)
-            ;
-        l->index[i] = SST_BLEND_MANY;
-        if (l->range[i].ranges > SST_BLEND_RANGES || k == SST_BLEND_ONES)
-            continue;
-        l->one[k] = l->range[i].outside;
-        l->index[i] = (uint8_t)(l->range[i].ranges ? k | SST_BLEND_RANGED : k);
-        if (l->range[i].ranges)
-            l->label_ranged[l->ranged++] = (uint8_t)i;
-        l->ones = sst_max_int(l->ones, k + 1);
+    memset(l->index, SST_BLEND_MANY, sizeof(l->index));
+    for (int pass = 0; pass < 2; pass++) {
+        for (int i = 0; i < SST_BLEND_FEW; i++) {
+            if (present[i] == !pass)
+                sst_blend_label_index(l, i, !pass);
+        }
     }
 }
 

@@ -55,6 +55,7 @@ struct weights {
 static struct weights *random_weights(bool few)
 {
     const float share[] = { 0.02f, 1, 0.19f, 0.91f };
+    bool present[256];
     struct weights *w = malloc(sizeof(*w));
 
     assert_non_null(w);
@@ -77,7 +78,9 @@ static struct weights *random_weights(bool few)
                 row[c] = r->inside[i];
         }
     }
-    sst_blend_labels_few(&w->by);
+    for (int label = 0; label < 256; label++)
+        present[label] = sst_random_u64(&seed) % 4 != 0;
+    sst_blend_labels_few(&w->by, present);
     return w;
 }
 

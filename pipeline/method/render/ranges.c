@@ -385,7 +385,7 @@ void sst_render_label_weights(float *table, struct sst_blend_labels *labels, str
         if (!counted)
             plain[divided] = label;
     }
-    sst_blend_labels_few(labels);
+    sst_blend_labels_few(labels, h->present);
 }
 
 static bool differs(float a, float b, double tolerance)
