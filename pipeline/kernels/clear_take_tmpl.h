@@ -146,6 +146,11 @@ struct KERNEL(clear_lanes) {
     __m256i down[2]; /* int16 64 - f, f of the rows */
 };
 
+/* Where the rays near one of 16 are sampled: its row, and the columns of 16 bytes for each eight of them. */
+struct KERNEL(clear_stretch) {
+    int row, column[2];
+};
+
 static inline __m256i KERNEL(clear_load)(const void *low, const void *high)
 {
     return _mm256_inserti128_si256(_mm256_castsi128_si256(_mm_loadu_si128((const __m128i *)low)),
@@ -205,6 +210,35 @@ static inline void KERNEL(clear_lanes_init)(struct KERNEL(clear_lanes) * l, cons
     }
 }
 
+/* The stretch around a ray of the pixel `first` of 16, which comes from the pixel x, y of the view or outside of it. */
+static inline struct KERNEL(clear_stretch) KERNEL(clear_around)(const struct sst_clear_view *v, int first, int x, int y)
+{
+    const int right = v->width - 1, low = v->height - 1, start = x - first - 3;
+    const int row = y < low ? y : low, left = start < right ? start : right;
+    const int next = start + 8 < right ? start + 8 : right;
+
+    return (struct KERNEL(clear_stretch)){ row > 0 ? row : 0, { left > 0 ? left : 0, next > 0 ? next : 0 } };
+}
+
+/* The pixel that a ray comes from along one axis; as clear_places() does, but for the test. */
+static inline int KERNEL(clear_place)(int from, float px, float moved)
+{
+    return _mm_cvttss_si32(_mm_set_ss((float)(from * 64) - px * (64 * moved) + 0.5F)) >> 6;
+}
+
+/* The stretch of the first of 16 rays, the i-th ones of the block, before all positions are known: reading it from
+ * memory need not wait for them. */
+static inline struct KERNEL(clear_stretch) KERNEL(clear_first_stretch)(const struct sst_clear_rays *rays,
+                                                                       const struct sst_clear_view *v, __m256i seen,
+                                                                       const int at[2], int i)
+{
+    const int first = __builtin_ctz((unsigned)_mm256_movemask_epi8(seen)) / 2;
+    const float px = rays->px[i + first];
+
+    return KERNEL(clear_around)(v, first, KERNEL(clear_place)(at[0] + i + first, px, v->bx),
+                                KERNEL(clear_place)(at[1], px, v->by));
+}
+
 /* Bilinear values of rays on two rows, `index` their bytes c, c + 1 from two columns on, added to those of the others,
  * which are 0 there. */
 static inline void KERNEL(clear_bilinear)(__m256i sum[2], const uint8_t *const row[2], const int column[2],
@@ -221,43 +255,70 @@ static inline void KERNEL(clear_bilinear)(__m256i sum[2], const uint8_t *const r
     sum[1] = _mm256_or_si256(sum[1], _mm256_and_si256(high, rays[1]));
 }
 
-/* Colours of the rays of 16 pixels, the i-th ones of the block. Rays near the first one that is left are sampled at
- * once: those of its row, of 16 columns for each eight pixels, which surfaces that shrink to half their width need. */
-static inline void KERNEL(clear_sample)(const struct sst_clear_rays *rays, const struct sst_clear_view *v,
-                                        const struct KERNEL(clear_lanes) * l, int i)
+/* Sample the rays on a stretch. Returns the others. */
+static inline __attribute__((always_inline)) __m256i
+KERNEL(clear_sample_stretch)(__m256i sum[3][2], const struct sst_clear_view *v, const struct KERNEL(clear_lanes) * l,
+                             __m256i rays, const struct KERNEL(clear_stretch) * s)
 {
-    __m256i sum[3][2] = { 0 }, left = l->seen, whole[2];
-    unsigned any = v->plane[0] ? (unsigned)_mm256_movemask_epi8(left) : 0;
+    const size_t top = (size_t)s->row * v->stride, bottom = s->row + 1 < v->height ? top + v->stride : top;
+    const __m256i from =
+        _mm256_inserti128_si256(_mm256_set1_epi16((short)s->column[0]), _mm_set1_epi16((short)s->column[1]), 1);
+    const __m256i at = _mm256_sub_epi16(l->x, from);
+    const __m256i near = _mm256_cmpeq_epi16(at, _mm256_min_epu16(at, _mm256_set1_epi16(14)));
+    const __m256i on =
+        _mm256_and_si256(_mm256_and_si256(rays, near), _mm256_cmpeq_epi16(l->y, _mm256_set1_epi16((short)s->row)));
+    const __m256i index = _mm256_add_epi16(_mm256_or_si256(at, _mm256_slli_epi16(at, 8)), _mm256_set1_epi16(0x0100));
+    const __m256i of_it[2] = { _mm256_unpacklo_epi16(on, on), _mm256_unpackhi_epi16(on, on) };
+
+    for (int c = 0; c < 3; c++)
+        KERNEL(clear_bilinear)
+    (sum[c], (const uint8_t *const[2]){ v->plane[c] + top, v->plane[c] + bottom }, s->column, index, of_it, l);
+    return _mm256_andnot_si256(on, rays);
+}
+
+/* Sample the rays that lie on no stretch so far, by stretches around the first one that is left. Few are. */
+static __attribute__((noinline)) void KERNEL(clear_sample_rest)(__m256i sum[3][2], const struct sst_clear_view *v,
+                                                                const struct KERNEL(clear_lanes) * l, __m256i left)
+{
+    unsigned any = (unsigned)_mm256_movemask_epi8(left);
     int16_t x[16], y[16];
 
     _mm256_storeu_si256((__m256i *)(void *)x, l->x);
     _mm256_storeu_si256((__m256i *)(void *)y, l->y);
     while (any) {
-        const int first = __builtin_ctz(any) / 2, row = y[first], start = x[first] - first - 3;
-        const int next = start + 8 < v->width ? start + 8 : v->width - 1;
-        const int column[2] = { start > 0 ? start : 0, next > 0 ? next : 0 };
-        const size_t top = (size_t)row * v->stride, bottom = row + 1 < v->height ? top + v->stride : top;
-        const __m256i from =
-            _mm256_inserti128_si256(_mm256_set1_epi16((short)column[0]), _mm_set1_epi16((short)column[1]), 1);
-        const __m256i at = _mm256_sub_epi16(l->x, from);
-        const __m256i near = _mm256_cmpeq_epi16(at, _mm256_min_epu16(at, _mm256_set1_epi16(14)));
-        const __m256i on =
-            _mm256_and_si256(_mm256_and_si256(left, near), _mm256_cmpeq_epi16(l->y, _mm256_set1_epi16((short)row)));
-        const __m256i index =
-            _mm256_add_epi16(_mm256_or_si256(at, _mm256_slli_epi16(at, 8)), _mm256_set1_epi16(0x0100));
-        const __m256i of_it[2] = { _mm256_unpacklo_epi16(on, on), _mm256_unpackhi_epi16(on, on) };
+        const int first = __builtin_ctz(any) / 2;
+        const struct KERNEL(clear_stretch) s = KERNEL(clear_around)(v, first, x[first], y[first]);
 
-        for (int c = 0; c < 3; c++)
-            KERNEL(clear_bilinear)
-        (sum[c], (const uint8_t *const[2]){ v->plane[c] + top, v->plane[c] + bottom }, column, index, of_it, l);
-        left = _mm256_andnot_si256(on, left);
+        left = KERNEL(clear_sample_stretch)(sum, v, l, left, &s);
         any = (unsigned)_mm256_movemask_epi8(left);
     }
+}
+
+/* Colours of the rays of 16 pixels, the i-th ones of the block. Rays near the first one are sampled at once, from
+ * its row and 16 columns for each eight pixels, which surfaces that shrink to half their width need. */
+static inline void KERNEL(clear_sample)(const struct sst_clear_rays *rays, const struct sst_clear_view *v,
+                                        const struct KERNEL(clear_lanes) * l, const struct KERNEL(clear_stretch) * s,
+                                        int i)
+{
+    __m256i sum[3][2] = { 0 }, whole[2];
+
+    if (v->plane[0]) {
+        const __m256i left = KERNEL(clear_sample_stretch)(sum, v, l, l->seen, s);
+
+        if (__builtin_expect(!_mm256_testz_si256(left, left), 0)) {
+            __m256i more[3][2];
+
+            memcpy(more, sum, sizeof(more));
+            KERNEL(clear_sample_rest)(more, v, l, left);
+            memcpy(sum, more, sizeof(sum));
+        }
+    }
     for (int c = 0; c < 3; c++) {
+        float *to = rays->colour[c][rays->slots] + i;
+
         KERNEL(clear_order)(whole, sum[c]);
         for (int j = 0; j < 2; j++)
-            _mm256_storeu_ps(rays->colour[c][rays->slots] + i + 8 * j,
-                             _mm256_mul_ps(_mm256_cvtepi32_ps(whole[j]), _mm256_set1_ps(1.0F / 4096)));
+            _mm256_storeu_ps(to + 8 * j, _mm256_mul_ps(_mm256_cvtepi32_ps(whole[j]), _mm256_set1_ps(1.0F / 4096)));
     }
 }
 
@@ -278,45 +339,70 @@ static inline __m256i KERNEL(clear_wanted)(const struct sst_clear_rays *rays, __
                             _mm256_and_si256(_mm256_cmpeq_epi16(behind, level), _mm256_cmpeq_epi16(before, level)));
 }
 
-/* 16 pixels, of which some are `seen`. Returns whether any lies inside the view. */
-static inline int KERNEL(clear_take_16)(struct sst_clear_rays *rays, const struct sst_clear_view *v, __m256i landed,
-                                        __m256i seen, int x, int y, int i)
+/* No rays of 16 pixels. */
+static inline void KERNEL(clear_take_none)(const struct sst_clear_rays *rays, int i)
+{
+    memset(rays->weight[rays->slots] + i, 0, 16 * sizeof(float));
+    for (int c = 0; c < 3; c++)
+        memset(rays->colour[c][rays->slots] + i, 0, 16 * sizeof(float));
+}
+
+/* Weights of the rays of 16 pixels, and how many are still wanted. */
+static inline void KERNEL(clear_weigh)(struct sst_clear_rays *rays, const struct KERNEL(clear_lanes) * l,
+                                       __m256i landed, int i)
 {
     const __m256i kept = _mm256_cmpgt_epi16(_mm256_and_si256(landed, _mm256_set1_epi16(1)), _mm256_setzero_si256());
     const __m256 one = _mm256_set1_ps(1), rim = _mm256_set1_ps(SST_CLEAR_RIM);
+    const __m256i full = _mm256_and_si256(kept, l->seen);
     float *weight = rays->weight[rays->slots] + i;
-    struct KERNEL(clear_lanes) l = { .seen = seen };
-    __m256i full, wide[2];
+    __m256i wide[2];
 
-    if (_mm256_testz_si256(seen, seen)) {
-        memset(weight, 0, 16 * sizeof(*weight));
-        for (int c = 0; c < 3; c++)
-            memset(rays->colour[c][rays->slots] + i, 0, 16 * sizeof(*weight));
-        return 0;
-    }
-    KERNEL(clear_lanes_init)(&l, v, rays->px + i, x + i, y);
-    full = _mm256_and_si256(kept, l.seen);
     _mm256_storeu_si256((__m256i *)(void *)(rays->wanted + i),
                         _mm256_add_epi16(KERNEL(clear_load_16)(rays->wanted + i), full));
     for (int j = 0; j < 2; j++) {
         const __m256 whole =
             _mm256_castsi256_ps(j ? _mm256_unpackhi_epi16(full, full) : _mm256_unpacklo_epi16(full, full));
-        const __m256i there = j ? _mm256_unpackhi_epi16(l.seen, l.seen) : _mm256_unpacklo_epi16(l.seen, l.seen);
+        const __m256i there = j ? _mm256_unpackhi_epi16(l->seen, l->seen) : _mm256_unpacklo_epi16(l->seen, l->seen);
 
         wide[j] = _mm256_and_si256(there, _mm256_castps_si256(_mm256_blendv_ps(rim, one, whole)));
     }
     KERNEL(clear_order)(wide, (const __m256i[2]){ wide[0], wide[1] });
     for (int j = 0; j < 2; j++)
         _mm256_storeu_ps(weight + 8 * j, _mm256_castsi256_ps(wide[j]));
-    KERNEL(clear_sample)(rays, v, &l, i);
-    return !_mm256_testz_si256(l.seen, l.seen);
+}
+
+/* The rays of a block, of which some are `seen`. Positions of both halves come first: sampling one waits for them.
+ * Returns whether any lies inside the view. */
+static inline int KERNEL(clear_take_halves)(struct sst_clear_rays *rays, const struct sst_clear_view *v,
+                                            const __m256i landed[2], const __m256i seen[2], const int at[2])
+{
+    struct KERNEL(clear_lanes) l[2];
+    struct KERNEL(clear_stretch) s[2];
+    __m256i any;
+
+    for (int j = 0; j < 2; j++) {
+        l[j].seen = seen[j];
+        if (_mm256_testz_si256(seen[j], seen[j]))
+            continue;
+        s[j] = KERNEL(clear_first_stretch)(rays, v, seen[j], at, 16 * j);
+        KERNEL(clear_lanes_init)(&l[j], v, rays->px + 16 * j, at[0] + 16 * j, at[1]);
+    }
+    for (int j = 0; j < 2; j++) {
+        if (_mm256_testz_si256(seen[j], seen[j])) {
+            KERNEL(clear_take_none)(rays, 16 * j);
+            continue;
+        }
+        KERNEL(clear_weigh)(rays, &l[j], landed[j], 16 * j);
+        KERNEL(clear_sample)(rays, v, &l[j], &s[j], 16 * j);
+    }
+    any = _mm256_or_si256(l[0].seen, l[1].seen);
+    return !_mm256_testz_si256(any, any);
 }
 
 static int KERNEL(clear_take)(struct sst_clear_rays *rays, const struct sst_clear_view *v, const uint16_t *landed,
                               int x, int y)
 {
     __m256i at[2], seen[2], more;
-    int any = 0;
 
     if (v->width > INT16_MAX || v->height > INT16_MAX)
         return sst_clear_take_ref(rays, v, landed, x, y);
@@ -325,9 +411,7 @@ static int KERNEL(clear_take)(struct sst_clear_rays *rays, const struct sst_clea
         seen[j] = KERNEL(clear_wanted)(rays, at[j], 16 * j);
     }
     if (_mm256_movemask_epi8(_mm256_or_si256(seen[0], seen[1])))
-        for (int j = 0; j < 2; j++)
-            any |= KERNEL(clear_take_16)(rays, v, at[j], seen[j], x, y, 16 * j);
-    rays->slots += any;
+        rays->slots += KERNEL(clear_take_halves)(rays, v, at, seen, (const int[2]){ x, y });
     more = _mm256_max_epi16(KERNEL(clear_load_16)(rays->wanted), KERNEL(clear_load_16)(rays->wanted + 16));
     return _mm256_movemask_epi8(_mm256_cmpgt_epi16(more, _mm256_setzero_si256())) != 0;
 }

@@ -12,8 +12,9 @@
 #include "base/thread.h"
 #include "pipeline/kernels/kernels.h"
 
-#define BAND  16 /* rows of a job: each one reads what the one above has fetched */
-#define NOISY 7  /* levels: the mean of the rays is nearer to the truth than the pixel of one camera */
+#define BAND  16  /* rows of a job: each one reads what the one above has fetched ... */
+#define STRIP 512 /* ... in columns of all views that stay in the second level of cache meanwhile */
+#define NOISY 7   /* levels: the mean of the rays is nearer to the truth than the pixel of one camera */
 
 /* --- rays of one block -------------------------------------------------------------------------------------------- */
 
@@ -128,22 +129,22 @@ static void note_surface(const struct clear *c, const struct scratch *s, int x, 
     }
 }
 
-static void colour_row(const struct clear *c, int y, int worker)
+/* The columns from .. to of a row. */
+static void colour_row(const struct clear *c, struct scratch *s, int from, int to, int y)
 {
-    struct scratch *s = &c->scratch[worker];
     uint8_t *weight = sst_map_u8_row(c->to.weight, y);
 
-    for (int x = 0; x < c->width; x += SST_CLEAR_BLOCK) {
+    for (int x = from; x < to; x += SST_CLEAR_BLOCK) {
         const int n = sst_min_int(c->width - x, SST_CLEAR_BLOCK);
 
         if (!landed_colours(c, x, y))
             continue;
         colour_block(c, s, x, y);
         for (int k = 0; k < 3; k++) {
-            uint8_t *to = sst_image_row(c->to.image, k, y) + x;
+            uint8_t *out = sst_image_row(c->to.image, k, y) + x;
 
             for (int i = 0; i < n; i++)
-                to[i] = (uint8_t)(int)(s->out.colour[k][i] + 0.5F);
+                out[i] = (uint8_t)(int)(s->out.colour[k][i] + 0.5F);
         }
         for (int i = 0; i < n; i++)
             weight[x + i] = pixel_weight(s->out.weight[i]);
@@ -156,8 +157,10 @@ static int colour_band(void *arg, int band, int worker)
 {
     const struct clear *c = arg;
 
-    for (int y = BAND * band; y < sst_min_int(BAND * (band + 1), c->height); y++)
-        colour_row(c, y, worker);
+    for (int x = 0; x < c->width; x += STRIP) {
+        for (int y = BAND * band; y < sst_min_int(BAND * (band + 1), c->height); y++)
+            colour_row(c, &c->scratch[worker], x, sst_min_int(x + STRIP, c->width), y);
+    }
     return 0;
 }
 
