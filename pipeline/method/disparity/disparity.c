@@ -18,8 +18,8 @@
 #define SHARED_BYTES ((size_t)3 << 29)
 /* ... and of others. */
 #define VOLUME_BYTES ((size_t)6 << 30)
-/* Key views of half size miss where carrying would change more of the reference view, percent. */
-#define HALF_ERROR 10
+/* Key views miss for certain where those of half size would change this many times key_error. */
+#define KEYS_MISS 2
 
 static int check_config(const struct sst_lightfield *lf, const struct sst_disparity_config *cfg)
 {
@@ -516,13 +516,13 @@ static int carry_half(struct disparity_run *half, double *error, int threads)
 
     err = err ? err : make_volumes(half, threads);
     err = err ? err : probe_carrying(half, half->workers, error);
-    if (!err && islessequal(*error, HALF_ERROR))
+    if (!err && islessequal(*error, half->cfg->key_error))
         err = run_match(half, half->workers, NULL, NULL);
     free_first(half);
-    return err || !islessequal(*error, HALF_ERROR) ? err : finish_maps(half, threads);
+    return err || !islessequal(*error, half->cfg->key_error) ? err : finish_maps(half, threads);
 }
 
-/* Maps of half size as the preset preview makes them, where its key views show the reference view.
+/* Maps of half size, where key views show the reference view there.
  * @param start  out [views], zero before; without memory: key views miss
  * @param error  out, percent of the reference view's pixels */
 static int make_half(const struct disparity_run *run, int threads, struct sst_map_u16 *start, double *error)
@@ -533,7 +533,7 @@ static int make_half(const struct disparity_run *run, int threads, struct sst_ma
     int err;
 
     cfg.scale = 2;
-    cfg.rounds = cfg.support_arm = cfg.bilateral_tau = cfg.subpixel_steps = 0;
+    cfg.support_arm = cfg.bilateral_tau = cfg.subpixel_steps = 0; /* no better with them */
     cfg.runner = NULL;
     cfg.share = NULL;
     cfg.report = NULL;
@@ -541,22 +541,24 @@ static int make_half(const struct disparity_run *run, int threads, struct sst_ma
     run->lf->disparity_tested = tested;
     if (!err && half.carried)
         err = carry_half(&half, error, threads);
-    for (int k = 0; !err && islessequal(*error, HALF_ERROR) && k < run->lf->rows * run->lf->cols; k++)
+    for (int k = 0; !err && islessequal(*error, cfg.key_error) && k < run->lf->rows * run->lf->cols; k++)
         take_start(&start[k], &half, k, run->disp_min);
     run_fini(&half);
     return err;
 }
 
 /* Maps of all views by the sweep, from maps of half size unless their key views miss: there many depths are near each
- * other, and colours that many views agree on find them. @return as run_sweep() */
+ * other, and colours that many views agree on find them. @return as run_sweep(); -EAGAIN: half size does not decide */
 static int sweep_scene(struct disparity_run *run, int threads)
 {
     const int count = run->lf->rows * run->lf->cols;
     struct sst_map_u16 *start = calloc((size_t)count, sizeof(*start));
     double error = NAN;
     int err = start ? make_half(run, threads, start, &error) : -ENOMEM;
-    const bool carried = islessequal(error, HALF_ERROR);
+    const bool carried = islessequal(error, run->cfg->key_error);
 
+    if (!err && !carried && !isgreater(error, KEYS_MISS * run->cfg->key_error))
+        err = -EAGAIN;
     err = err ? err : run_sweep(run, carried ? start : NULL, threads);
     if (!err && run->cfg->report) {
         run->cfg->report->views_error = carried ? error : NAN;
@@ -568,9 +570,9 @@ static int sweep_scene(struct disparity_run *run, int threads)
     return err;
 }
 
-/* The sweep over all views, where they have texture; else, or if it would need too much memory, the key views, if the
- * scene allows that the others are carried: where their maps give the reference view few other disparities. Else all are
- * matched. */
+/* The sweep over all views, where they have texture and half size decides; else, or if it would need too much memory, the
+ * key views, if the scene allows that the others are carried: where their maps give the reference view few other
+ * disparities. Else the sweep, or all are matched. */
 static int match_keys(struct disparity_run *run, int threads, sst_progress_fn *progress, void *progress_arg)
 {
     bool sweeps = run_may_sweep(run);
@@ -580,10 +582,10 @@ static int match_keys(struct disparity_run *run, int threads, sst_progress_fn *p
     if (sweeps && run->scale == 1 && !run->networks) {
         free_matching(run);
         err = sweep_scene(run, threads);
-        if (err != -E2BIG)
+        if (err != -E2BIG && err != -EAGAIN)
             return err;
+        sweeps = err == -EAGAIN;
         err = make_volumes(run, threads);
-        sweeps = false;
     }
     err = err ? err : probe_carrying(run, run->workers, &error);
     run->others = !islessequal(error, run->cfg->key_error);
