@@ -441,8 +441,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "device-memory", 0, CLI_INT, &job.p.w.device_memory, "MIB", CLI_DEVICE_MEMORY_HELP, 1, 1 << 24 },
         { "memory", 0, CLI_INT, &job.p.w.memory, "MIB",
           "memory of cost volumes and of the census of views that are matched: views that need more wait, one is matched "
-          "always (default: 1536; 6144 where threads share no volume), and of a sweep's planes: foliage that needs more "
-          "is matched view by view (3072)",
+          "always (default: 1536; 6144 where threads share no volume), and of a sweep's planes: scenes that need more "
+          "are matched view by view (3072)",
           1, 1 << 24 },
         { "json", 0, CLI_FLAG, &job.json, NULL, "print one JSON object; of several light fields a line each" },
         CLI_SHARD_OPTIONS(shard),

@@ -155,7 +155,7 @@ complete -c sst -n '__sst_at process' -l skip -r -d 'computations to do in part 
 complete -c sst -n '__sst_at process' -l align -x -a 'auto off' -d 'auto: pictures that are displaced or have other gains are corrected; off: not'
 complete -c sst -n '__sst_at process' -l device -r -d 'where views are labelled and matched: cpu (default), gpu, auto (gpu if there is one) or a part of a name'
 complete -c sst -n '__sst_at process' -l device-memory -x -d 'memory of the device to use at most (three quarters of it)'
-complete -c sst -n '__sst_at process' -l memory -x -d 'memory of cost volumes and of the census of views that are matched: views that need more wait, one is matched always (default: 1536; 6144 where threads share no volume), and of a sweep\'s planes: foliage that needs more is matched view by view (3072)'
+complete -c sst -n '__sst_at process' -l memory -x -d 'memory of cost volumes and of the census of views that are matched: views that need more wait, one is matched always (default: 1536; 6144 where threads share no volume), and of a sweep\'s planes: scenes that need more are matched view by view (3072)'
 complete -c sst -n '__sst_at process' -l json -d 'print one JSON object; of several light fields a line each'
 complete -c sst -n '__sst_at process' -l shard -r -d 'share the work with other processes, as worker I of N; auto: as Slurm or mpirun numbers it'
 complete -c sst -n '__sst_at process' -l lease -x -d 'seconds after which a worker without a sign of life has ended (60)'

@@ -371,9 +371,9 @@ static void threads_share_a_volume(void **state SST_UNUSED)
         struct sst_lightfield many = field(2, 3, cases[i].width, cases[i].height, LOOK_PLANES);
 
         cfg.threads = 1;
+        cfg.memory = cases[i].volumes < 2 ? 1 : 2 * sst_volume_bytes(cases[i].width, cases[i].height, 51);
         assert_int_equal(sst_disparity_lightfield(&one, &cfg, NULL, NULL), 0);
         cfg.threads = cases[i].threads;
-        cfg.memory = cases[i].volumes < 2 ? 1 : 2 * sst_volume_bytes(cases[i].width, cases[i].height, 51);
         assert_int_equal(sst_disparity_lightfield(&many, &cfg, NULL, NULL), 0);
         same_maps(&one, &many);
         sst_lightfield_fini(&one);

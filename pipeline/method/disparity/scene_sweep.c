@@ -52,7 +52,7 @@ static bool is_textured(const struct sst_image *img)
             flat += is_flat(img, x, y);
         }
     }
-    return 100 * flat <= FLAT_MOST * windows;
+    return windows && 100 * flat <= FLAT_MOST * windows;
 }
 
 bool run_may_sweep(const struct disparity_run *run)
