@@ -160,7 +160,7 @@ PRELOAD_SRC := $(sort $(wildcard simulators/devices/preload/*.c))
 # Sources of optional parts, by whether they are built; gpio_none.c, sysfs.c and tiff_none.c replace parts that have callers without them.
 OPTIONAL_AVFORMAT := capture/recording/libav.c
 OPTIONAL_DEFLATE := pipeline/image/png_plain.c
-OPTIONAL_DNNL := $(addprefix pipeline/method/network/,plan.c plan_bits.c plan_conv.c device_plan.c plan_dnnl.c compat_dnnl.c sample.c)
+OPTIONAL_DNNL := $(addprefix pipeline/method/network/,plan.c plan_bits.c plan_conv.c plan_tiles.c device_plan.c plan_dnnl.c compat_dnnl.c sample.c)
 OPTIONAL_HTTPD := $(patsubst %,daemon/publish/http_%.c,access check download events peer reply request stream video watch web)
 OPTIONAL_ISAL := pipeline/image/png_pack.c
 OPTIONAL_TIFF := $(addprefix pipeline/image/,file_tiff.c tiff.c tiff_grid.c)
