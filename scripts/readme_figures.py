@@ -4,7 +4,7 @@
 """Fill the rows of README's figures that scripts/bench.py measured: readme_figures.py BUILD/bench [README].
 
 A row is known by how it begins; its cells become: best level, AVX2, what it is compared with. Rows whose part was not
-measured stay as they are, and all of them on a machine without a level above AVX2.
+measured stay as they are. A machine without a level above AVX2 has no figure of one.
 """
 import json
 import os
@@ -81,19 +81,18 @@ ROWS = {"7 simulated scenes": ("scenes.json", pictures), "bush, 36 views": ("sce
 def main():
     folder, readme = sys.argv[1], sys.argv[2] if len(sys.argv) > 2 else "README.md"
     levels = load(f"{folder}/bench.json")["levels"]
-    if len(levels) < 2:
-        return
     with open(readme, encoding="utf8") as f:
         lines = f.read().split("\n")
     for i, line in enumerate(lines):
         cells = [cell.strip() for cell in line.strip("|").split("|")]
         if not line.startswith("|") or len(cells) != 5:
             continue
-        if cells[1].startswith("sst, "):
+        if cells[1].startswith("sst, ") and len(levels) > 1:
             lines[i] = f"| | sst, {word(levels[0])} | sst, {word(levels[1])} | compared with | |"
         for start, (name, figures) in ROWS.items():
             if cells[0].startswith(start) and os.path.exists(f"{folder}/{name}"):
-                cells[1:4] = figures(f"{folder}/{name}") or cells[1:4]
+                found = figures(f"{folder}/{name}") or cells[1:4]
+                cells[1:4] = found if len(levels) > 1 else ["–", found[0], found[-1]]
                 lines[i] = f"| {' | '.join(cells)} |"
     with open(readme + ".part", "w", encoding="utf8") as f:
         f.write("\n".join(lines))
