@@ -1,5 +1,5 @@
-/* The sweep in scene space: maps of foliage against the truth, the same for any number of threads and over tiles,
- * masks, missing views, limits. */
+/* The sweep in scene space: maps of foliage against the truth, the same for any number of threads and over tiles, from maps
+ * of half size, masks, missing views, limits. */
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
@@ -219,6 +219,42 @@ static void masked_pixels_and_missing_views_have_no_say(void **state SST_UNUSED)
     free_field(&f);
 }
 
+/* From maps of half size that are off by up to half a pixel, of views of odd size: the right planes, and nearer places. */
+static void maps_of_half_size_start_it(void **state SST_UNUSED)
+{
+    enum { WIDTH = 161, HEIGHT = 81 };
+    struct sst_map_u16 start[VIEWS];
+    double given = 0, found = 0;
+    struct field f;
+
+    make_scene(&f, "pedestrian", WIDTH, HEIGHT);
+    for (int k = 0; k < VIEWS; k++) {
+        assert_int_equal(sst_map_u16_init(&start[k], (WIDTH + 1) / 2, (HEIGHT + 1) / 2), 0);
+        for (int y = 0; y < start[k].height; y++) {
+            for (int x = 0; x < start[k].width; x++) {
+                const double d = sst_map_f32_row(&f.truth[k], 2 * y)[2 * x] - f.all.disp_min_px;
+
+                sst_map_u16_row(&start[k], y)[x] = (uint16_t)fmax(32 * d + 8 * ((x * 7 + y * 13) % 5 - 2), 0);
+            }
+        }
+    }
+    f.all.start = start;
+    assert_int_equal(sst_planesweep(&f.all), 0);
+    for (int y = 0; y < HEIGHT; y++) {
+        for (int x = 0; x < WIDTH; x++) {
+            const double truth = sst_map_f32_row(&f.truth[5], y)[x] - f.all.disp_min_px;
+
+            given += fmin(fabs(sst_map_u16_row(&start[5], y / 2)[x / 2] / 32.0 - truth), 1) / (WIDTH * HEIGHT);
+            found += fmin(fabs(sst_map_u16_row(&f.disp[5], y)[x] / 64.0 - truth), 1) / (WIDTH * HEIGHT);
+        }
+    }
+    print_message("off by more than 1 px: %.2f %%; mean error %.3f px, of the start %.3f px\n", off(&f, 5, 0, HEIGHT), found, given);
+    assert_true(off(&f, 5, 0, HEIGHT) < 3 && found < 0.7 * given);
+    for (int k = 0; k < VIEWS; k++)
+        sst_map_u16_fini(&start[k]);
+    free_field(&f);
+}
+
 /* A picture of one colour, views smaller than a block, one row: any map is right, and none is read beyond its end. */
 static void small_and_flat_pictures_have_maps(void **state SST_UNUSED)
 {
@@ -271,6 +307,7 @@ int main(void)
         plain_test(maps_are_right_over_tiles),
         plain_test(large_views_start_from_half_size),
         serial_test(masked_pixels_and_missing_views_have_no_say),
+        cmocka_unit_test(maps_of_half_size_start_it),
         cmocka_unit_test(small_and_flat_pictures_have_maps),
         cmocka_unit_test(limits_and_cancelling_end_it),
     };
