@@ -1,5 +1,5 @@
-/* The sweep in scene space: maps of foliage against the truth, the same for any number of threads and over tiles, from maps
- * of half size, masks, missing views, limits. */
+/* The sweep in scene space: maps of foliage against the truth, the same for any number of threads and over tiles, from
+ * maps of half size, masks, missing views, limits. */
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
@@ -248,7 +248,8 @@ static void maps_of_half_size_start_it(void **state SST_UNUSED)
             found += fmin(fabs(sst_map_u16_row(&f.disp[5], y)[x] / 64.0 - truth), 1) / (WIDTH * HEIGHT);
         }
     }
-    print_message("off by more than 1 px: %.2f %%; mean error %.3f px, of the start %.3f px\n", off(&f, 5, 0, HEIGHT), found, given);
+    print_message("off by more than 1 px: %.2f %%; mean error %.3f px, of the start %.3f px\n", off(&f, 5, 0, HEIGHT),
+                  found, given);
     assert_true(off(&f, 5, 0, HEIGHT) < 3 && found < 0.7 * given);
     for (int k = 0; k < VIEWS; k++)
         sst_map_u16_fini(&start[k]);
