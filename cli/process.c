@@ -423,7 +423,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
           "smallest disparity searched; default: the light field's, else estimated", -9999, 9999 },
         { "range-max", 0, CLI_DOUBLE, &job.p.w.range_max, "PX", "largest disparity searched", -9999, 9999 },
         { "labels", 0, CLI_STRING, &job.p.w.labels_dir, "DIR", "external label maps rr_cc.png, never recomputed" },
-        { "disparity", 0, CLI_STRING, &job.p.w.disparity_dir, "DIR", "external disparities rr_cc.pfm, never recomputed" },
+        { "disparity", 0, CLI_STRING, &job.p.w.disparity_dir, "DIR",
+          "external disparities rr_cc.pfm, never recomputed" },
         { "model", 0, CLI_STRING, &job.p.w.model, "NAME", "segmentation network: an installed one or an ONNX file" },
         CLI_NO_VERIFY_OPTION(job.p.w.no_verify),
         { "no-labels", 0, CLI_FLAG, &job.p.w.no_labels, NULL, "disparity only" },
@@ -440,7 +441,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
           "a name" },
         { "device-memory", 0, CLI_INT, &job.p.w.device_memory, "MIB", CLI_DEVICE_MEMORY_HELP, 1, 1 << 24 },
         { "memory", 0, CLI_INT, &job.p.w.memory, "MIB",
-          "memory of cost volumes and of the census of views that are matched: views that need more wait, one is matched "
+          "memory of cost volumes and of the census of views that are matched: views that need more wait, one is "
+          "matched "
           "always (default: 1536; 6144 where threads share no volume), and of a sweep's planes: scenes that need more "
           "are matched view by view (3072)",
           1, 1 << 24 },

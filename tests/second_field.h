@@ -144,8 +144,7 @@ static inline void second_run(struct second_field *f, struct sst_runner_user *de
 }
 
 /* The same on a device and on the CPU, there once. @param report  out: since the last one */
-static inline void second_compare(struct sst_runner_user *device, bool skip,
-                                  struct sst_step_report *report)
+static inline void second_compare(struct sst_runner_user *device, bool skip, struct sst_step_report *report)
 {
     static struct second_field *on_cpu[2]; /* by skip */
     struct second_field *on_device = second_new();

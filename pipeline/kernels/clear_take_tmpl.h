@@ -228,9 +228,9 @@ static inline int KERNEL(clear_place)(int from, float px, float moved)
 
 /* The stretch of the first of 16 rays, the i-th ones of the block, before all positions are known: reading it from
  * memory need not wait for them. */
-static inline struct KERNEL(clear_stretch) KERNEL(clear_first_stretch)(const struct sst_clear_rays *rays,
-                                                                       const struct sst_clear_view *v, __m256i seen,
-                                                                       const int at[2], int i)
+static inline struct KERNEL(clear_stretch)
+    KERNEL(clear_first_stretch)(const struct sst_clear_rays *rays, const struct sst_clear_view *v, __m256i seen,
+                                const int at[2], int i)
 {
     const int first = __builtin_ctz((unsigned)_mm256_movemask_epi8(seen)) / 2;
     const float px = rays->px[i + first];

@@ -10,16 +10,16 @@
 /*
  * A tile of 4x4 results needs 6x6 inputs d: A'((G' g G'^T) * (B d B^T))A'^T = 576 times their sums of products with the
  * kernel g, 36 products in place of 144 (Winograd 1980, Lavin and Gray 2016, points 0, 1, -1, 2, -2). All matrices are
- * whole: rows of G are scaled to G', columns of A by their inverses times 24 to A'. Spread bytes lie within 25500, spread
- * weights of 127 within 6223: 16 bits. Sums may wrap: modulo 2^32 they are 64 * 9 times the result,
- * 9 has an inverse, and results below 2^25 remain exact.
+ * whole: rows of G are scaled to G', columns of A by their inverses times 24 to A'. Spread bytes lie within 25500,
+ * spread weights of 127 within 6223: 16 bits. Sums may wrap: modulo 2^32 they are 64 * 9 times the result, 9 has an
+ * inverse, and results below 2^25 remain exact.
  */
 #define SST_CONV_TILE   6                               /* side of a tile's inputs */
 #define SST_CONV_OUT    4                               /* side of its results */
 #define SST_CONV_PARTS  (SST_CONV_TILE * SST_CONV_TILE) /* spread numbers of a tile */
 #define SST_CONV_PIXELS (SST_CONV_OUT * SST_CONV_OUT)
-#define SST_CONV_BLOCK  16        /* channels */
-#define SST_CONV_MOST   (1 << 25) /* magnitudes of results are below it */
+#define SST_CONV_BLOCK  16          /* channels */
+#define SST_CONV_MOST   (1 << 25)   /* magnitudes of results are below it */
 #define SST_CONV_NINTH  0x38E38E39U /* times 9 it is 1, modulo 2^32 */
 
 /** Spread inputs B d B^T of a tile. @param out  [SST_CONV_PARTS] rows of `channels`, `stride` numbers apart
@@ -27,7 +27,8 @@
 typedef void sst_conv_spread_fn(int16_t *out, size_t stride, const uint8_t *const pixel[SST_CONV_PARTS],
                                 size_t channels, int is_signed);
 
-/** out[i][o] = sum over c of tiles[i][c] weights[c / 2][o][c % 2], modulo 2^32, for SST_CONV_BLOCK outputs of n tiles. */
+/** out[i][o] = sum over c of tiles[i][c] weights[c / 2][o][c % 2], modulo 2^32, for SST_CONV_BLOCK outputs of n tiles.
+ */
 typedef void sst_conv_products_fn(int32_t *out, const int16_t *tiles, const int16_t *weights, size_t channels,
                                   size_t n);
 

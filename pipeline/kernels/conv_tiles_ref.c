@@ -21,8 +21,8 @@ void sst_conv_spread_ref(int16_t *out, size_t stride, const uint8_t *const pixel
             for (int i = 0; i < SST_CONV_PARTS; i++) {
                 const int value = is_signed ? (int8_t)pixel[i][c] : pixel[i][c];
 
-                sum += spread[k / SST_CONV_TILE][i / SST_CONV_TILE] * spread[k % SST_CONV_TILE][i % SST_CONV_TILE] *
-                       value;
+                sum +=
+                    spread[k / SST_CONV_TILE][i / SST_CONV_TILE] * spread[k % SST_CONV_TILE][i % SST_CONV_TILE] * value;
             }
             out[(size_t)k * stride + c] = (int16_t)sum;
         }

@@ -1,5 +1,5 @@
-/* conv_spread, conv_products, conv_gather, conv_finish: AVX2. A block of results is two vectors; six tiles of such blocks
- * stay in registers. */
+/* conv_spread, conv_products, conv_gather, conv_finish: AVX2. A block of results is two vectors; six tiles of such
+ * blocks stay in registers. */
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
 
@@ -42,9 +42,8 @@ static void KERNEL(conv_spread)(int16_t *out, size_t stride, const uint8_t *cons
 }
 
 /* Products of n tiles. @param n  a constant */
-static inline __attribute__((always_inline)) void KERNEL(conv_products_of)(int32_t *out, const int16_t *tiles,
-                                                                           const int16_t *weights, size_t channels,
-                                                                           size_t n)
+static inline __attribute__((always_inline)) void
+KERNEL(conv_products_of)(int32_t *out, const int16_t *tiles, const int16_t *weights, size_t channels, size_t n)
 {
     __m256i sum[6][2];
 
@@ -92,8 +91,8 @@ static inline void KERNEL(conv_gather_line)(__m256i *out, size_t out_step, const
     const __m256i t = _mm256_slli_epi32(_mm256_sub_epi32(m[step], m[2 * step]), 2);
     const __m256i u = _mm256_add_epi32(m[3 * step], m[4 * step]), v = _mm256_sub_epi32(m[3 * step], m[4 * step]);
 
-    out[0] = _mm256_add_epi32(_mm256_add_epi32(_mm256_slli_epi32(a, 2), _mm256_slli_epi32(a, 1)),
-                              _mm256_add_epi32(s, u));
+    out[0] =
+        _mm256_add_epi32(_mm256_add_epi32(_mm256_slli_epi32(a, 2), _mm256_slli_epi32(a, 1)), _mm256_add_epi32(s, u));
     out[out_step] = _mm256_add_epi32(t, _mm256_slli_epi32(v, 1));
     out[2 * out_step] = _mm256_add_epi32(s, _mm256_slli_epi32(u, 2));
     out[3 * out_step] = _mm256_add_epi32(_mm256_add_epi32(t, _mm256_slli_epi32(v, 3)),
@@ -153,8 +152,7 @@ static void KERNEL(conv_finish)(void *const *to, const int32_t *sums, const stru
         const __m256 scale = _mm256_loadu_ps(by.scale + half), bias = _mm256_loadu_ps(by.bias + half);
 
         for (size_t p = 0; p < SST_CONV_PIXELS; p++) {
-            const __m256i sum =
-                _mm256_loadu_si256((const __m256i *)(const void *)(sums + p * SST_CONV_BLOCK + half));
+            const __m256i sum = _mm256_loadu_si256((const __m256i *)(const void *)(sums + p * SST_CONV_BLOCK + half));
             __m256 v = _mm256_cvtepi32_ps(sum);
 
             if (!to[p])
@@ -162,8 +160,8 @@ static void KERNEL(conv_finish)(void *const *to, const int32_t *sums, const stru
             v = by.bias_first ? _mm256_mul_ps(_mm256_add_ps(v, bias), scale)
                               : _mm256_add_ps(_mm256_mul_ps(v, scale), bias);
             if (by.residual != SST_CONV_NONE)
-                v = _mm256_fmadd_ps(KERNEL(conv_residual)(to[p], by.residual, half),
-                                    _mm256_set1_ps(by.residual_scale), v);
+                v = _mm256_fmadd_ps(KERNEL(conv_residual)(to[p], by.residual, half), _mm256_set1_ps(by.residual_scale),
+                                    v);
             if (by.relu)
                 v = _mm256_max_ps(v, _mm256_setzero_ps());
             KERNEL(conv_store)(to[p], by.type, half, v);

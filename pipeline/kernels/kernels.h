@@ -794,7 +794,8 @@ enum sst_places_kind {
 typedef void sst_place_row_fn(int32_t *xy_q8, const struct sst_places *places, float k0, size_t n);
 
 /** A picture to resample, and the filter: the taps of position p / 256 after pixel x are weight[p taps + i] at pixels
- *  x + 1 - taps / 2 + i; they add up to 2^14, their magnitudes to at most 2^15. Two taps are bilinear: 64 (256 - p), 64 p. */
+ *  x + 1 - taps / 2 + i; they add up to 2^14, their magnitudes to at most 2^15. Two taps are bilinear: 64 (256 - p), 64
+ * p. */
 struct sst_resample {
     const uint8_t *pixel;  /* (0, 0): R, G, B and an unused byte; SST_RESAMPLE_BORDER more around the picture */
     size_t stride;         /* bytes; times the height below 2^31 */

@@ -46,7 +46,8 @@ static float random_share(void)
     return (float)(sst_random_u64(&seed) % 1000) / 1000;
 }
 
-/* Weights by label and disparity, four different weights outside of ranges if `few`; every fifth label has irregular weights. */
+/* Weights by label and disparity, four different weights outside of ranges if `few`; every fifth label has irregular
+ * weights. */
 struct weights {
     float table[256 * SST_BLEND_COLUMNS];
     struct sst_blend_labels by;

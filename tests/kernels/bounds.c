@@ -98,9 +98,10 @@ static const struct {
     { "disp_span", UINT16_MAX, UINT16_MAX, "compares" },
     { "cell_score", 256 * SST_SCORE_USUAL, INT16_MAX, "three differences of bytes; 1/256 level of the usual one" },
     { "score_add", 4 * 256.0 * SST_SCORE_CAP, UINT16_MAX, "scores of four rows of 256 views" },
-    { "correlate_places", SST_CORRELATE_SIZE * SST_CORRELATE_SIZE * 255.0 * 255, INT32_MAX,
+    { "correlate_places", SST_CORRELATE_SIZE *SST_CORRELATE_SIZE * 255.0 * 255, INT32_MAX,
       "72 times products of 72 pairs of levels" },
-    { "feature_products", SST_FEATURE_PARTS * 512.0 * 512, INT32_MAX, "128 products of 512, of unit length 512 at most" },
+    { "feature_products", SST_FEATURE_PARTS * 512.0 * 512, INT32_MAX,
+      "128 products of 512, of unit length 512 at most" },
     { "level_row", SST_LEVEL_MAX, INT16_MAX, "half of 16 bits, shifted" },
     { "window_squares", (double)SST_WINDOW_AREA *SST_LEVEL_MAX *SST_LEVEL_MAX, INT32_MAX, "49 squares of 4096" },
     { "window_products", (double)SST_WINDOW_AREA *SST_LEVEL_MAX *SST_LEVEL_MAX, INT32_MAX, "49 products of 4096" },
@@ -240,10 +241,10 @@ static void finished_sums(void **state SST_UNUSED)
         void *to[SST_CONV_PIXELS] = { out };
 
         sst_conv_finish_ref(to, sums, &f);
-        bound_note(&b,
-                   (double)(fabsl((wide)out[0] - (sum + offset + residual)) /
-                            (fabsl(sum) + fabsl(offset) + fabsl(residual))),
-                   "sum %d", sums[0]);
+        bound_note(
+            &b,
+            (double)(fabsl((wide)out[0] - (sum + offset + residual)) / (fabsl(sum) + fabsl(offset) + fabsl(residual))),
+            "sum %d", sums[0]);
     }
     bound_end(&b);
 }
@@ -480,10 +481,12 @@ static void rays_of_a_view(void **state SST_UNUSED)
     static struct sst_blend_labels by;
     /* Exponents are in 2^-10 at least where C1 is 0.001 or more, in 2^-8 where it is 0: two roundings down, slope and
      * focus rounded: three and five steps at the largest exponent. */
-    struct bound some = { "blend_rays, C1 > 0", "16 bits", "relative", "3 steps of an exponent in 2^-10, blend_near.h",
-                          2.2e-3,               0,         0,          "" };
-    struct bound none = { "blend_rays, C1 = 0", "16 bits", "relative", "5 steps of an exponent in 2^-8, blend_near.h",
-                          1.4e-2,               0,         0,          "" };
+    struct bound some = {
+        "blend_rays, C1 > 0", "16 bits", "relative", "3 steps of an exponent in 2^-10, blend_near.h", 2.2e-3, 0, 0, ""
+    };
+    struct bound none = {
+        "blend_rays, C1 = 0", "16 bits", "relative", "5 steps of an exponent in 2^-8, blend_near.h", 1.4e-2, 0, 0, ""
+    };
     struct bound t = { "blend_take", "float", "levels", "1/2 and 1/32", 0.5 + 1.0 / 32, 0, 0, "" };
 
     for (int i = 0; i < rounds(30000); i++) {
@@ -805,8 +808,11 @@ static void random_window(int32_t column[5][SST_WINDOW], wide moment[5])
 /* Squares of 6 standard deviations lose what floats of 36 do, over the square root of the floor. */
 static void windows(void **state SST_UNUSED)
 {
-    struct bound stats = { "window_stats", "float", "relative", "5e-6, and 36 in floats over twice a floor of 0.01", 6e-4, 0, 0, "" };
-    struct bound best = { "window_best", "float", "of a correlation", "5e-6, and 36 in floats over a floor of 0.01", 2e-3, 0, 0, "" };
+    struct bound stats = { "window_stats", "float", "relative", "5e-6, and 36 in floats over twice a floor of 0.01",
+                           6e-4,           0,       0,          "" };
+    struct bound best = {
+        "window_best", "float", "of a correlation", "5e-6, and 36 in floats over a floor of 0.01", 2e-3, 0, 0, ""
+    };
 
     for (int i = 0; i < rounds(30000); i++) {
         int32_t column[5][SST_WINDOW];
@@ -819,8 +825,8 @@ static void windows(void **state SST_UNUSED)
 
             sst_window_stats_ref(&mean[k], &inverse[k], &in, 1);
             deviation[k] = sqrtl(moment[2 + k] - moment[k] * moment[k] + 0.01L);
-            bound_note(&stats, (double)fabsl((wide)inverse[k] * deviation[k] - 1), "mean %.4Lf, deviation %.5Lf", moment[k],
-                       deviation[k]);
+            bound_note(&stats, (double)fabsl((wide)inverse[k] * deviation[k] - 1), "mean %.4Lf, deviation %.5Lf",
+                       moment[k], deviation[k]);
         }
         want = (moment[4] - moment[0] * moment[1] + 0.01L * fmaxl(0, 1 - fabsl(moment[0] - moment[1]))) /
                (deviation[0] * deviation[1]);

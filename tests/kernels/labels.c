@@ -269,9 +269,8 @@ static void tiles_are_sums_of_products(void **state SST_UNUSED)
 
             for (int c = 0; c < TILE_CHANNELS; c++) {
                 for (int i = 0; i < 9; i++)
-                    weights[c / 2 * SST_CONV_BLOCK * 2 + c % 2] += (int16_t)(rows[part / SST_CONV_TILE][i / 3] *
-                                                                            rows[part % SST_CONV_TILE][i % 3] *
-                                                                            g[9 * c + i]);
+                    weights[c / 2 * SST_CONV_BLOCK * 2 + c % 2] +=
+                        (int16_t)(rows[part / SST_CONV_TILE][i / 3] * rows[part % SST_CONV_TILE][i % 3] * g[9 * c + i]);
             }
             k.conv_products(m + part * SST_CONV_BLOCK, spread + part * TILE_CHANNELS, weights, TILE_CHANNELS, 1);
         }
@@ -350,8 +349,10 @@ static void check_tiles(const struct sst_kernels *k, size_t n)
     }
     for (int way = 0; way < 4; way++) {
         const struct sst_conv_finish ways[] = {
-            { scale, bias, 1, 1, SST_CONV_U8, SST_CONV_U8, 0.7f }, { scale, bias, 0, 0, SST_CONV_S8, SST_CONV_U8, 1 },
-            { scale, bias, 1, 0, SST_CONV_F32, SST_CONV_F32, 1 },  { scale, bias, 1, 1, SST_CONV_U8, SST_CONV_NONE, 0 },
+            { scale, bias, 1, 1, SST_CONV_U8, SST_CONV_U8, 0.7f },
+            { scale, bias, 0, 0, SST_CONV_S8, SST_CONV_U8, 1 },
+            { scale, bias, 1, 0, SST_CONV_F32, SST_CONV_F32, 1 },
+            { scale, bias, 1, 1, SST_CONV_U8, SST_CONV_NONE, 0 },
         };
 
         check_finish(k, &ways[way], sums[0]);
@@ -383,9 +384,9 @@ static void every_level_equals_the_reference(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(logarithms_are_those_of_libm),     cmocka_unit_test(entropies_have_known_values),
-        cmocka_unit_test(guided_cells_have_known_values),   cmocka_unit_test(shown_surfaces_have_known_places),
-        cmocka_unit_test(tiles_are_sums_of_products),       cmocka_unit_test(every_level_equals_the_reference),
+        cmocka_unit_test(logarithms_are_those_of_libm),   cmocka_unit_test(entropies_have_known_values),
+        cmocka_unit_test(guided_cells_have_known_values), cmocka_unit_test(shown_surfaces_have_known_places),
+        cmocka_unit_test(tiles_are_sums_of_products),     cmocka_unit_test(every_level_equals_the_reference),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

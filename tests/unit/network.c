@@ -209,7 +209,9 @@ static struct ow_buf layers_of(int side, int d)
 {
     const int pad = side / 2;
     const struct conv first = { 16, 48, { side, side }, { 1, 1 }, { 1, 1 }, { pad, pad, pad, pad }, 1 };
-    const struct conv second = { 48, 16, { side, side }, { 1, 1 }, { d, d }, { pad * d, pad * d, pad * d, pad * d }, 1 };
+    const struct conv second = {
+        48, 16, { side, side }, { 1, 1 }, { d, d }, { pad * d, pad * d, pad * d, pad * d }, 1
+    };
     struct ow_buf graph = { 0 }, model;
 
     srand(7);
@@ -229,8 +231,8 @@ static struct ow_buf layers_of(int side, int d)
     return model;
 }
 
-/* oneDNN runs kernels of 5x5; 3x3 may run by tiles, with the same sums while values keep to their ranges: then no pair of
- * products saturates. */
+/* oneDNN runs kernels of 5x5; 3x3 may run by tiles, with the same sums while values keep to their ranges: then no pair
+ * of products saturates. */
 static void layers_of_three_are_those_of_five_with_zeros(void **state SST_UNUSED)
 {
     static const int sizes[][3] = { { 1, 1, 1 }, { 5, 9, 1 }, { 24, 33, 2 }, { 13, 6, 4 } };

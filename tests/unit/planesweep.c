@@ -219,7 +219,8 @@ static void masked_pixels_and_missing_views_have_no_say(void **state SST_UNUSED)
     free_field(&f);
 }
 
-/* From maps of half size that are off by up to half a pixel, of views of odd size: the right planes, and nearer places. */
+/* From maps of half size that are off by up to half a pixel, of views of odd size: the right planes, and nearer places.
+ */
 static void maps_of_half_size_start_it(void **state SST_UNUSED)
 {
     enum { WIDTH = 161, HEIGHT = 81 };

@@ -570,8 +570,8 @@ static int sweep_scene(struct disparity_run *run, int threads)
     return err;
 }
 
-/* The sweep over all views, where they have texture and half size decides; else, or if it would need too much memory, the
- * key views, if the scene allows that the others are carried: where their maps give the reference view few other
+/* The sweep over all views, where they have texture and half size decides; else, or if it would need too much memory,
+ * the key views, if the scene allows that the others are carried: where their maps give the reference view few other
  * disparities. Else the sweep, or all are matched. */
 static int match_keys(struct disparity_run *run, int threads, sst_progress_fn *progress, void *progress_arg)
 {

@@ -47,7 +47,7 @@ struct disparity_run {
     struct census_cache *cache;    /* of descriptors; NULL: each has its own census */
     const int *later;              /* [laters] views that are matched from now on, if there is a cache */
     int laters;
-    bool costs;                    /* descriptors need the census if it counts: some view is matched on the CPU */
+    bool costs; /* descriptors need the census if it counts: some view is matched on the CPU */
 };
 
 /** @return 0, -ECANCELED */

@@ -134,8 +134,9 @@ int run_sweep(struct disparity_run *run, const struct sst_map_u16 *start, int th
                                                        .threads = threads,
                                                        .cancel = run->cfg->cancel });
     if (err == -E2BIG) { /* all views are to be matched, as if there had been no map */
-        sst_log_warning("the sweep of this scene needs more memory than it may take: its views are matched one by one, which "
-                        "gives other maps; a higher --memory avoids it");
+        sst_log_warning(
+            "the sweep of this scene needs more memory than it may take: its views are matched one by one, which "
+            "gives other maps; a higher --memory avoids it");
         free(run->settled);
         run->settled = NULL;
         memset(run->matched, 0, (size_t)count * sizeof(*run->matched));

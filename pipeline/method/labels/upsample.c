@@ -15,7 +15,7 @@
 #define SPREAD                                                                                                         \
     0.7 /* in cells: deviation of the distance weight; with SST_GUIDE_SIGMA the best of docs/design/method.md */
 #define SURE                                                                                                           \
-    0.25f /* entropy: cells of one winner that are all below it have mixtures that are too, nearly: the share of the    \
+    0.25f /* entropy: cells of one winner that are all below it have mixtures that are too, nearly: the share of the   \
              other classes is at most the largest of theirs */
 
 /* Scratch of one worker. */

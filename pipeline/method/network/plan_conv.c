@@ -244,8 +244,8 @@ static int quantise(struct net_plan *p, const struct sst_op *op, struct net_plan
 /* --- weights, residuals, the step ----------------------------------------------------------------- */
 
 /* Reorder the weights into the primitive's layout, once for all runs. */
-static int load_weights(struct net_plan *p, struct net_plan_step *s, const struct sst_op *op, const struct net_plan_bytes *q,
-                        const_dnnl_memory_desc_t md)
+static int load_weights(struct net_plan *p, struct net_plan_step *s, const struct sst_op *op,
+                        const struct net_plan_bytes *q, const_dnnl_memory_desc_t md)
 {
     const_dnnl_memory_desc_t plain;
     dnnl_memory_t from = NULL;
@@ -279,7 +279,8 @@ static int load_weights(struct net_plan *p, struct net_plan_step *s, const struc
 }
 
 /* Biases in units of the 8-bit products, or of the result; unchanged for floats. */
-static int load_bias(struct net_plan *p, struct net_plan_step *s, const struct sst_op *op, const struct net_plan_bytes *q)
+static int load_bias(struct net_plan *p, struct net_plan_step *s, const struct sst_op *op,
+                     const struct net_plan_bytes *q)
 {
     const_dnnl_memory_desc_t md;
     int err = bias_desc(p, &md, op);

@@ -2,8 +2,9 @@
  * without VNNI: a quarter of the products, on 16 bits, and the same sums, so the same bytes; oneDNN's pairs of products
  * saturate where values beyond their range meet the largest weights, these do not.
  *
- * Tiles of a layer with dilation d lie on d x d grids of every d-th pixel. A batch of tiles is spread, multiplied by one
- * block of output channels after the other, and finished; batches have their results apart, so threads do not matter. */
+ * Tiles of a layer with dilation d lie on d x d grids of every d-th pixel. A batch of tiles is spread, multiplied by
+ * one block of output channels after the other, and finished; batches have their results apart, so threads do not
+ * matter. */
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>

@@ -8,13 +8,13 @@
 #include "base/thread.h"
 #include "pipeline/method/process/process_internal.h"
 
-#define SAMPLES_ALL   7000   /* of all views; a choice takes about 10 ms of 36 views */
-#define SAMPLES_MOST  192    /* of a view */
-#define SAMPLES_LEAST 48     /* of a view */
-#define GAIN_LEAST    0.012  /* share of the samples that one more view must show */
-#define VIEWS_SHARE   3      /* a third of the views is chosen at most */
-#define SAMPLES_LABEL 768    /* of a view, whose labels are compared */
-#define SHOWN_LEAST   0.5    /* of a view's samples; one of which less is shown is labelled as well */
+#define SAMPLES_ALL   7000  /* of all views; a choice takes about 10 ms of 36 views */
+#define SAMPLES_MOST  192   /* of a view */
+#define SAMPLES_LEAST 48    /* of a view */
+#define GAIN_LEAST    0.012 /* share of the samples that one more view must show */
+#define VIEWS_SHARE   3     /* a third of the views is chosen at most */
+#define SAMPLES_LABEL 768   /* of a view, whose labels are compared */
+#define SHOWN_LEAST   0.5   /* of a view's samples; one of which less is shown is labelled as well */
 
 /* Pixels of a view that stand for all. */
 struct samples {

@@ -102,8 +102,8 @@ void process_rays_fini(struct process_rays *r);
 /** The pixels of row y for which process_is_seen(). */
 void process_rays_take(struct process_rays *r, const struct sst_view *own, int y);
 
-/** A view's colours, disparities and labels for process_rays_find(), and entropies for process_ray_entropy() in place of
- * the columns. @param entropy  or NULL @return sst_mem_free() it; NULL: no memory */
+/** A view's colours, disparities and labels for process_rays_find(), and entropies for process_ray_entropy() in place
+ * of the columns. @param entropy  or NULL @return sst_mem_free() it; NULL: no memory */
 uint64_t *process_rays_pack(const struct sst_view *v, const struct sst_map_f32 *entropy);
 
 /** The entropy of a packed ray: the upper half of the float, rounded. */

@@ -94,8 +94,8 @@ static int check_config(const struct sst_refine_config *cfg)
 
     for (size_t i = 0; i < ARRAY_LEN(fields); i++) {
         if (!(fields[i].value >= fields[i].min && fields[i].value <= fields[i].max)) {
-            sst_log_error("label refinement: %s %g is outside %.10g..%.10g", fields[i].name, fields[i].value, fields[i].min,
-                          fields[i].max);
+            sst_log_error("label refinement: %s %g is outside %.10g..%.10g", fields[i].name, fields[i].value,
+                          fields[i].min, fields[i].max);
             return -EINVAL;
         }
     }

@@ -9,12 +9,12 @@
 
 #include "pipeline/method/sweep/sweep_internal.h"
 
-#define LEVELS      4
-#define LARGE       600000 /* pixels of a view from which on maps of half size come first */
-#define FINE        32     /* 1/64 px between planes: their shifts by whole spacings are of whole or half pixels ... */
-#define COARSE      64     /* ... and where that makes too many planes of whole ones: others favour disparities by rounding */
-#define NOISE_COST  2.4 /* mean difference of R, G and B together that a level of noise makes */
-#define TEXTURE     10  /* median cost of maps without noise that others made */
+#define LEVELS     4
+#define LARGE      600000 /* pixels of a view from which on maps of half size come first */
+#define FINE       32     /* 1/64 px between planes: their shifts by whole spacings are of whole or half pixels ... */
+#define COARSE     64 /* ... and where that makes too many planes of whole ones: others favour disparities by rounding */
+#define NOISE_COST 2.4 /* mean difference of R, G and B together that a level of noise makes */
+#define TEXTURE    10  /* median cost of maps without noise that others made */
 
 /** Views of a size and their maps; the first level has the caller's. */
 struct level {
@@ -149,8 +149,7 @@ int sst_planesweep(const struct sst_planesweep *in)
 
         if (!err && half)
             median += more_noise(&level[i].sweep, &level[i + 1].sweep);
-        err = err ? err
-                  : sweep_run(&level[i].sweep, step_of(level[i].sweep.range), start, !i, &median);
+        err = err ? err : sweep_run(&level[i].sweep, step_of(level[i].sweep.range), start, !i, &median);
         half = median <= SWEEP_SURE;
         if (i < last)
             level_fini(&level[i + 1]);

@@ -16,11 +16,11 @@
 #include "pipeline/method/sweep/sweep_internal.h"
 
 #define BYTES     ((size_t)3 << 30)
-#define TOLERANCE 2   /* planes that are nearer to each other are one surface */
-#define CLAIMS    3   /* views that must claim a plane at some pixel of a block, at most, ... */
-#define CLAIMED   9   /* ... or one view in this many voters, if that is fewer */
-#define REPEATED  1   /* times that the second round is repeated; in noise twice */
-#define BAND      8   /* rows of all planes that a thread computes: the views' rows stay in the cache */
+#define TOLERANCE 2 /* planes that are nearer to each other are one surface */
+#define CLAIMS    3 /* views that must claim a plane at some pixel of a block, at most, ... */
+#define CLAIMED   9 /* ... or one view in this many voters, if that is fewer */
+#define REPEATED  1 /* times that the second round is repeated; in noise twice */
+#define BAND      8 /* rows of all planes that a thread computes: the views' rows stay in the cache */
 /* Thresholds of the second round: where views differ little from the consensus, and where they differ much, by noise or
  * by texture that whole pixels do not align. */
 static const struct {

@@ -23,7 +23,8 @@ struct sst_planesweep {
     int range;    /* whole pixels from there, at least 1 */
     size_t bytes; /* of the planes' consensus at most; 0: 3 GiB */
     int large;    /* pixels of a view from which on maps of half size come first; 0: 600000 */
-    /* [views] maps of half size, dense, 1/64 px of theirs above disp_min_px / 2, that stand in for the first sweep; NULL: none */
+    /* [views] maps of half size, dense, 1/64 px of theirs above disp_min_px / 2, that stand in for the first sweep;
+     * NULL: none */
     const struct sst_map_u16 *start;
     int threads;
     const SST_ATOMIC(bool) * cancel; /* or NULL */
@@ -35,8 +36,8 @@ struct sst_planesweep {
  * views vote that the first maps show to see the point, and paths along diagonals smooth the choice.
  *
  * The maps are the same bytes for any number of threads and every CPU level.
- * @return 0, -ENOMEM, -ECANCELED, -E2BIG (the consensus would need more than `bytes`, or a range over 249 px more planes
- * than there are)
+ * @return 0, -ENOMEM, -ECANCELED, -E2BIG (the consensus would need more than `bytes`, or a range over 249 px more
+ * planes than there are)
  */
 SST_MUST_CHECK int sst_planesweep(const struct sst_planesweep *in);
 

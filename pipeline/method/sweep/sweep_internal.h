@@ -82,8 +82,8 @@ struct sweep {
  * Maps of all views, of planes `step` / 64 px apart.
  *
  * @param start   [in->views] maps of half size, that take the place of the first round; NULL: none
- * @param whole   maps of the caller's size: the second round is repeated if the first one was at this size. Else there is
- *                no second round where the median is above SWEEP_SURE, and the maps are of any content
+ * @param whole   maps of the caller's size: the second round is repeated if the first one was at this size. Else there
+ * is no second round where the median is above SWEEP_SURE, and the maps are of any content
  * @param median  cost of the first round: out, or in where there is none
  * @return as sst_planesweep()
  */
