@@ -2,6 +2,7 @@
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -17,20 +18,21 @@
 /* The sweep in scene space compares windows of 3x3: it is for views of which at most this percent of larger windows are
  * of one colour. */
 #define FLAT_MOST    10
-#define FLAT_REACH   3  /* of these windows, px */
-#define FLAT_LEVELS  16 /* largest difference of a channel in one */
-#define FLAT_SPACING 4  /* px between windows that are looked at */
+#define FLAT_REACH   3      /* of these windows, px, in views of ... */
+#define FLAT_PIXELS  750000 /* ... and of as many times more as larger views have more columns */
+#define FLAT_LEVELS  16     /* largest difference of a channel in one */
+#define FLAT_SPACING 4      /* px between windows that are looked at, as FLAT_REACH */
 
 /* Is a window of one colour? */
-static bool is_flat(const struct sst_image *img, int x0, int y0)
+static bool is_flat(const struct sst_image *img, int reach, int x0, int y0)
 {
     for (int c = 0; c < 3; c++) {
         int least = 255, most = 0;
 
-        for (int y = y0 - FLAT_REACH; y <= y0 + FLAT_REACH; y++) {
+        for (int y = y0 - reach; y <= y0 + reach; y++) {
             const uint8_t *row = sst_image_row(img, c, y);
 
-            for (int x = x0 - FLAT_REACH; x <= x0 + FLAT_REACH; x++) {
+            for (int x = x0 - reach; x <= x0 + reach; x++) {
                 least = sst_min_int(row[x], least);
                 most = sst_max_int(row[x], most);
             }
@@ -44,12 +46,14 @@ static bool is_flat(const struct sst_image *img, int x0, int y0)
 /* Has a view texture nearly everywhere? */
 static bool is_textured(const struct sst_image *img)
 {
+    const int size = sst_max_int((int)lround(sqrt((double)img->width * img->height / FLAT_PIXELS)), 1);
+    const int reach = FLAT_REACH * size, spacing = FLAT_SPACING * size;
     int64_t windows = 0, flat = 0;
 
-    for (int y = FLAT_REACH; y + FLAT_REACH < img->height; y += FLAT_SPACING) {
-        for (int x = FLAT_REACH; x + FLAT_REACH < img->width; x += FLAT_SPACING) {
+    for (int y = reach; y + reach < img->height; y += spacing) {
+        for (int x = reach; x + reach < img->width; x += spacing) {
             windows++;
-            flat += is_flat(img, x, y);
+            flat += is_flat(img, reach, x, y);
         }
     }
     return windows && 100 * flat <= FLAT_MOST * windows;

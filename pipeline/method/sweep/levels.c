@@ -9,10 +9,12 @@
 
 #include "pipeline/method/sweep/sweep_internal.h"
 
-#define LEVELS     4
-#define LARGE      600000 /* pixels of a view from which on maps of half size come first */
-#define FINE       32     /* 1/64 px between planes: their shifts by whole spacings are of whole or half pixels ... */
-#define COARSE     64 /* ... and where that makes too many planes of whole ones: others favour disparities by rounding */
+#define LEVELS 4
+#define LARGE  600000 /* pixels of a view from which on maps of half size come first */
+#define FINE   32     /* 1/64 px between planes: their shifts by whole spacings are of whole or half pixels ... */
+#define COARSE                                                                                                         \
+    64 /* ... and where these are too many or need too much memory whole ones: others favour disparities by rounding   \
+        */
 #define NOISE_COST 2.4 /* mean difference of R, G and B together that a level of noise makes */
 #define TEXTURE    10  /* median cost of maps without noise that others made */
 
@@ -124,10 +126,14 @@ static int more_noise(const struct sst_planesweep *in, const struct sst_planeswe
     return (int)lround(NOISE_COST * fmax(sst_image_noise(first_image(in)) - sst_image_noise(first_image(half)), 0));
 }
 
-/* Distance of planes, 1/64 px. */
-static int step_of(int range)
+/* The maps of a size, of planes as near each other as memory allows. */
+static int sweep_size(const struct sst_planesweep *in, const struct sst_map_u16 *start, bool whole, int *median)
 {
-    return range * 64 / FINE + 1 <= SWEEP_PLANES ? FINE : COARSE;
+    int err = -E2BIG;
+
+    if (in->range * 64 / FINE + 1 <= SWEEP_PLANES)
+        err = sweep_run(in, FINE, start, whole, median);
+    return err == -E2BIG ? sweep_run(in, COARSE, start, whole, median) : err;
 }
 
 int sst_planesweep(const struct sst_planesweep *in)
@@ -138,7 +144,7 @@ int sst_planesweep(const struct sst_planesweep *in)
 
     if (in->start && first_image(in)) {
         median = TEXTURE + (int)lround(NOISE_COST * sst_image_noise(first_image(in)));
-        return sweep_run(in, step_of(in->range), in->start, true, &median);
+        return sweep_size(in, in->start, true, &median);
     }
     while (!err && last + 1 < LEVELS && is_large(&level[last].sweep)) {
         last++;
@@ -149,7 +155,7 @@ int sst_planesweep(const struct sst_planesweep *in)
 
         if (!err && half)
             median += more_noise(&level[i].sweep, &level[i + 1].sweep);
-        err = err ? err : sweep_run(&level[i].sweep, step_of(level[i].sweep.range), start, !i, &median);
+        err = err ? err : sweep_size(&level[i].sweep, start, !i, &median);
         half = median <= SWEEP_SURE;
         if (i < last)
             level_fini(&level[i + 1]);
