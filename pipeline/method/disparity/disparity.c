@@ -18,7 +18,7 @@
 #define SHARED_BYTES ((size_t)3 << 29)
 /* ... and of others. */
 #define VOLUME_BYTES ((size_t)6 << 30)
-/* Key views miss for certain where those of half size would change this many times key_error. */
+/* Times key_error above which key views of half size show that key views miss. */
 #define KEYS_MISS 2
 
 static int check_config(const struct sst_lightfield *lf, const struct sst_disparity_config *cfg)

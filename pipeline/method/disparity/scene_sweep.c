@@ -18,10 +18,10 @@
 /* The sweep in scene space compares windows of 3x3: it is for views of which at most this percent of larger windows are
  * of one colour. */
 #define FLAT_MOST    10
-#define FLAT_REACH   3      /* of these windows, px, in views of ... */
-#define FLAT_PIXELS  750000 /* ... and of as many times more as larger views have more columns */
-#define FLAT_LEVELS  16     /* largest difference of a channel in one */
-#define FLAT_SPACING 4      /* px between windows that are looked at, as FLAT_REACH */
+#define FLAT_REACH   3 /* of these windows, px, in views of FLAT_PIXELS; wider in larger views as these are */
+#define FLAT_PIXELS  750000
+#define FLAT_LEVELS  16 /* largest difference of a channel in one */
+#define FLAT_SPACING 4  /* px between windows that are looked at, as FLAT_REACH */
 
 /* Is a window of one colour? */
 static bool is_flat(const struct sst_image *img, int reach, int x0, int y0)
@@ -66,8 +66,7 @@ bool run_may_sweep(const struct disparity_run *run)
     return !run->cfg->frugal && reference->present && is_textured(&reference->image);
 }
 
-/* Confidence of a view's map from its costs, and where they are so low that no other disparity is tested.
- * @param most  such a cost */
+/* Confidence of a view's map from its costs, and its settled pixels. @param most  cost of a settled pixel */
 static int settle(struct disparity_run *run, int view, int most)
 {
     struct sst_map_u8 *cost = &run->settled[view], *confidence = &run->confidence[view];

@@ -14,9 +14,9 @@
 #define BLOCK SST_CLASS_ROW_MAX
 #define SPREAD                                                                                                         \
     0.7 /* in cells: deviation of the distance weight; with SST_GUIDE_SIGMA the best of docs/design/method.md */
-#define SURE                                                                                                           \
-    0.25f /* entropy: cells of one winner that are all below it have mixtures that are too, nearly: the share of the   \
-             other classes is at most the largest of theirs */
+/* Entropy below which cells of one winner have mixtures that are below it, too, nearly: the share of the other classes
+ * is at most the largest of theirs. */
+#define SURE 0.25f
 
 /* Scratch of one worker. */
 struct scratch {

@@ -11,10 +11,10 @@
 
 #define LEVELS 4
 #define LARGE  600000 /* pixels of a view from which on maps of half size come first */
-#define FINE   32     /* 1/64 px between planes: their shifts by whole spacings are of whole or half pixels ... */
-#define COARSE                                                                                                         \
-    64 /* ... and where these are too many or need too much memory whole ones: others favour disparities by rounding   \
-        */
+/* 1/64 px between planes: whole or half pixels, since planes in between attract disparities by the rounding of their
+ * shifts; whole ones where half ones are too many or need too much memory. */
+#define FINE       32
+#define COARSE     64
 #define NOISE_COST 2.4 /* mean difference of R, G and B together that a level of noise makes */
 #define TEXTURE    10  /* median cost of maps without noise that others made */
 
