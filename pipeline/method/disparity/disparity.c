@@ -555,14 +555,14 @@ static int sweep_scene(struct disparity_run *run, int threads)
     struct sst_map_u16 *start = calloc((size_t)count, sizeof(*start));
     double error = NAN;
     int err = start ? make_half(run, threads, start, &error) : -ENOMEM;
-    const bool carried = islessequal(error, run->cfg->key_error);
+    const struct sst_map_u16 *used = islessequal(error, run->cfg->key_error) ? start : NULL;
 
-    if (!err && !carried && !isgreater(error, KEYS_MISS * run->cfg->key_error))
+    if (!err && !used && !isgreater(error, KEYS_MISS * run->cfg->key_error))
         err = -EAGAIN;
-    err = err ? err : run_sweep(run, carried ? start : NULL, threads);
+    err = err ? err : run_sweep(run, &used, threads);
     if (!err && run->cfg->report) {
-        run->cfg->report->views_error = carried ? error : NAN;
-        run->cfg->report->views_skipped = carried ? run->cfg->report->views_skipped : 0;
+        run->cfg->report->views_error = used ? error : NAN;
+        run->cfg->report->views_skipped = used ? run->cfg->report->views_skipped : 0;
     }
     for (int k = 0; start && k < count; k++)
         sst_map_u16_fini(&start[k]);
@@ -595,7 +595,7 @@ static int match_keys(struct disparity_run *run, int threads, sst_progress_fn *p
     }
     if (!err && run->others && sweeps) {
         free_matching(run);
-        err = run_sweep(run, NULL, threads);
+        err = run_sweep(run, &(const struct sst_map_u16 *){ NULL }, threads);
         if (err != -E2BIG)
             return err;
         err = make_volumes(run, threads);

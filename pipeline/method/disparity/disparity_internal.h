@@ -145,9 +145,9 @@ SST_MUST_CHECK int run_match(struct disparity_run *run, int threads, sst_progres
 bool run_may_sweep(const struct disparity_run *run);
 
 /** Maps of all views by the sweep, and run->settled where they are not tested again.
- * @param start  maps of half size, see struct sst_planesweep; NULL: none
+ * @param start  maps of half size, see struct sst_planesweep; *start NULL: none, also out where they are of no use
  * @return 0, -E2BIG: nothing has changed but that no view is matched; -ENOMEM, -ECANCELED */
-SST_MUST_CHECK int run_sweep(struct disparity_run *run, const struct sst_map_u16 *start, int threads);
+SST_MUST_CHECK int run_sweep(struct disparity_run *run, const struct sst_map_u16 **start, int threads);
 
 /* --- windows.c: windows of disparities from a match of all views at fewer pixels --- */
 

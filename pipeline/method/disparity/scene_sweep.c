@@ -104,7 +104,22 @@ static int smooth(void *arg, int view, int worker SST_UNUSED)
     return err;
 }
 
-int run_sweep(struct disparity_run *run, const struct sst_map_u16 *start, int threads)
+/* The sweep from the maps `*start`, or without them where they are of no use: then it becomes NULL. */
+static int sweep_planes(struct sst_planesweep *in, const struct sst_map_u16 **start)
+{
+    int err = sst_planesweep(in);
+
+    if (err != -EAGAIN)
+        return err;
+    for (int k = 0; k < in->views; k++) {
+        sst_map_u16_fini(in->view[k].disp);
+        sst_map_u8_fini(in->view[k].cost);
+    }
+    *start = in->start = NULL;
+    return sst_planesweep(in);
+}
+
+int run_sweep(struct disparity_run *run, const struct sst_map_u16 **start, int threads)
 {
     const int count = run->lf->rows * run->lf->cols;
     struct sst_map_u8 *seen = calloc((size_t)count, sizeof(*seen));
@@ -128,14 +143,15 @@ int run_sweep(struct disparity_run *run, const struct sst_map_u16 *start, int th
         };
     }
     if (!err)
-        err = sst_planesweep(&(struct sst_planesweep){ .view = view,
-                                                       .views = count,
-                                                       .disp_min_px = run->disp_min,
-                                                       .range = run->range,
-                                                       .bytes = run->cfg->memory,
-                                                       .start = start,
-                                                       .threads = threads,
-                                                       .cancel = run->cfg->cancel });
+        err = sweep_planes(&(struct sst_planesweep){ .view = view,
+                                                     .views = count,
+                                                     .disp_min_px = run->disp_min,
+                                                     .range = run->range,
+                                                     .bytes = run->cfg->memory,
+                                                     .start = *start,
+                                                     .threads = threads,
+                                                     .cancel = run->cfg->cancel },
+                           start);
     if (err == -E2BIG) { /* all views are to be matched, as if there had been no map */
         sst_log_warning(
             "the sweep of this scene needs more memory than it may take: its views are matched one by one, which "
@@ -148,13 +164,13 @@ int run_sweep(struct disparity_run *run, const struct sst_map_u16 *start, int th
     }
     for (int k = 0; k < count; k++) {
         if (!err && run->settled[k].data)
-            err = settle(run, k, start ? SETTLED_HALF : SETTLED);
+            err = settle(run, k, *start ? SETTLED_HALF : SETTLED);
         if (half)
             sst_image_fini(&half[k]);
         if (seen)
             sst_map_u8_fini(&seen[k]);
     }
-    if (!err && start)
+    if (!err && *start)
         err = sst_parallel_for(count, threads, smooth, run);
     free(seen);
     free(half);

@@ -37,7 +37,7 @@ struct sst_planesweep {
  *
  * The maps are the same bytes for any number of threads and every CPU level.
  * @return 0, -ENOMEM, -ECANCELED, -E2BIG (the consensus would need more than `bytes`, or a range over 249 px more
- * planes than there are)
+ * planes than there are), -EAGAIN (the maps are there, but `start` does not explain the colours: sweep without it)
  */
 SST_MUST_CHECK int sst_planesweep(const struct sst_planesweep *in);
 
