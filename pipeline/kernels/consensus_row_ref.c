@@ -42,6 +42,15 @@ static uint8_t mean_at(const struct sst_consensus_rows *r, size_t x, int plane)
     return (uint8_t)(sum * sst_consensus_reciprocal(count) >> 16);
 }
 
+static uint8_t priced_at(const struct sst_consensus_rows *r, size_t x, int plane)
+{
+    bool flat = true;
+
+    for (int k = 0; k < 8; k++)
+        flat = flat && r->step[k][x] <= r->flat;
+    return (uint8_t)sst_min_int(mean_at(r, x, plane) + (flat ? sst_consensus_price(r, plane) : 0), 255);
+}
+
 void sst_consensus_mean_row_ref(uint8_t *mean, const struct sst_consensus_rows *r, size_t n)
 {
     for (size_t x = 0; x < n; x++) {
@@ -62,9 +71,9 @@ void sst_consensus_least_row_ref(uint8_t *const out[2], const struct sst_consens
         const uint8_t *plane = listed_at(&r->listed, r->planes, x, &planes, &packed);
 
         out[0][x] = plane[0];
-        out[1][x] = mean_at(r, x, plane[0]);
+        out[1][x] = priced_at(r, x, plane[0]);
         for (int j = 1; j < planes; j++) {
-            const uint8_t mean = mean_at(r, x, plane[j]);
+            const uint8_t mean = priced_at(r, x, plane[j]);
 
             if (mean < out[1][x]) {
                 out[0][x] = plane[j];

@@ -341,7 +341,7 @@ static inline const uint8_t *KERNEL(consensus_planes)(const struct sst_consensus
 /* Pixels around a vector that are like its own. */
 struct KERNEL(consensus_alike) {
     const uint8_t *from[8], *own;
-    simd_u8 mask[8];
+    simd_u8 mask[8], flat;
     simd_u16 q[2]; /* reciprocals of their counts */
 };
 
@@ -352,11 +352,14 @@ static inline void KERNEL(consensus_find_alike)(struct KERNEL(consensus_alike) *
     simd_u8 count = simd_set_u8(1);
 
     a->own = row[1];
+    a->flat = simd_set_u8(255);
     for (int i = 0; i < 8; i++) {
         const int at = i + (i > 3);
+        const simd_u8 step = simd_load_u8(r->step[i] + x);
 
         a->from[i] = row[at / 3] + at % 3 - 1;
-        a->mask[i] = (simd_u8)(simd_load_u8(r->step[i] + x) <= r->alike);
+        a->mask[i] = (simd_u8)(step <= r->alike);
+        a->flat &= (simd_u8)(step <= r->flat);
         count -= a->mask[i];
     }
     KERNEL(consensus_invert)(a->q, count, table);
@@ -376,6 +379,15 @@ static inline simd_u8 KERNEL(consensus_mean)(const struct KERNEL(consensus_alike
     for (int i = 0; i < 2; i++)
         sum[i] = simd_widen(v[0], i) + simd_widen(v[3], i) + simd_widen(v[5], i);
     return simd_narrow(simd_high_u16(sum[0], a->q[0]), simd_high_u16(sum[1], a->q[1]));
+}
+
+/* With what the plane costs more in flat surfaces. */
+static inline simd_u8 KERNEL(consensus_priced)(const struct KERNEL(consensus_alike) * a,
+                                               const struct sst_consensus_rows *r, int plane)
+{
+    const simd_u8 price = a->flat & sst_consensus_price(r, plane);
+
+    return simd_more_u8(KERNEL(consensus_mean)(a, (size_t)plane * r->stride), price);
 }
 
 static void KERNEL(consensus_mean_row)(uint8_t *mean, const struct sst_consensus_rows *r, size_t n)
@@ -408,10 +420,10 @@ static void KERNEL(consensus_least_row)(uint8_t *const out[2], const struct sst_
         const uint8_t *plane = KERNEL(consensus_planes)(&r->listed, r->planes, x, &planes, &packed);
 
         KERNEL(consensus_find_alike)(&alike, r, x, table);
-        least = KERNEL(consensus_mean)(&alike, (size_t)plane[0] * r->stride);
+        least = KERNEL(consensus_priced)(&alike, r, plane[0]);
         chosen = simd_set_u8(plane[0]);
         for (int p = 1; p < planes; p++) {
-            const simd_u8 mean = KERNEL(consensus_mean)(&alike, (size_t)plane[p] * r->stride);
+            const simd_u8 mean = KERNEL(consensus_priced)(&alike, r, plane[p]);
             const simd_u8 less = (simd_u8)(mean < least);
 
             chosen = (chosen & ~less) | (plane[p] & less);

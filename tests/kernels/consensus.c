@@ -153,6 +153,7 @@ static void check_rows(const struct sst_kernels *k, size_t n, int planes, const 
 {
     const size_t stride = n + 2, bytes = stride * (size_t)planes;
     struct sst_consensus_rows rows = { .alike = (uint8_t)below(255), .planes = planes, .stride = stride };
+    uint8_t *step[8];
     uint8_t *want = guard_random(n * (size_t)planes, &seed);
     uint8_t *got = memcpy(guard_random(n * (size_t)planes, &seed), want, n * (size_t)planes);
     uint8_t *const least[2] = { guard_random(n, &seed), guard_random(n, &seed) };
@@ -162,8 +163,14 @@ static void check_rows(const struct sst_kernels *k, size_t n, int planes, const 
     rows.above = random_costs(bytes) + 1;
     rows.own = random_costs(bytes) + 1;
     rows.below = random_costs(bytes) + 1;
+    rows.flat = (uint8_t)below(rows.alike + 1);
+    rows.dearer = (uint16_t)below(below(2) ? 256 : 65536);
     for (int i = 0; i < 8; i++)
-        rows.step[i] = guard_random(n, &seed);
+        rows.step[i] = step[i] = guard_random(n, &seed);
+    for (size_t x = 0; x < n; x += 2) { /* flat but for one pixel in three */
+        for (int i = 0; i < 8; i++)
+            step[i][x] = (uint8_t)below(rows.flat + 1 + (x % 3 == 0));
+    }
     sst_consensus_mean_row_ref(want, &rows, n);
     k->consensus_mean_row(got, &rows, n);
     same(want, got, n * (size_t)planes, "means", level);

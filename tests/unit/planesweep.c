@@ -1,5 +1,5 @@
 /* The sweep in scene space: maps of foliage against the truth, the same for any number of threads and over tiles, from
- * maps of half size, masks, missing views, limits. */
+ * maps of half size, masks, missing views, flat skies, limits. */
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
@@ -257,6 +257,84 @@ static void maps_of_half_size_start_it(void **state SST_UNUSED)
     free_field(&f);
 }
 
+/* Maps that have leaves in all gaps: views show other things there, which no plane of leaves explains. */
+static void maps_without_gaps_are_refused(void **state SST_UNUSED)
+{
+    struct sst_map_u16 start[VIEWS];
+    struct field f;
+
+    make_field(&f, 160, 80);
+    for (int k = 0; k < VIEWS; k++) {
+        assert_int_equal(sst_map_u16_init(&start[k], 80, 40), 0);
+        for (int y = 0; y < 40; y++) {
+            for (int x = 0; x < 80; x++)
+                sst_map_u16_row(&start[k], y)[x] = (uint16_t)(32 * f.all.range);
+        }
+    }
+    f.all.start = start;
+    assert_int_equal(sst_planesweep(&f.all), -EAGAIN);
+    free_maps(&f);
+    f.all.start = NULL;
+    assert_int_equal(sst_planesweep(&f.all), 0);
+    for (int k = 0; k < VIEWS; k++)
+        sst_map_u16_fini(&start[k]);
+    free_field(&f);
+}
+
+/* A number without order of a place. */
+static unsigned scatter(int x, int y)
+{
+    unsigned n = (unsigned)x * 0x9e3779b1U ^ (unsigned)y * 0x85ebca77U;
+
+    n = (n ^ n >> 15) * 0x2c1b3c6dU;
+    return n ^ n >> 13;
+}
+
+/* Is there a leaf at a point of a plane? Of 8x8 pixels, a quarter of the plane. */
+static bool is_leaf(int x, int y)
+{
+    return scatter(x >> 3, y >> 3) % 4 == 0;
+}
+
+/* A white sky 2 px behind leaves 12 px away: at the leaves' plane, views agree on the white beside a leaf as well. */
+static void a_flat_sky_is_behind_leaves(void **state SST_UNUSED)
+{
+    enum { WIDTH = 128, HEIGHT = 96, SKY = 2, LEAVES = 12 };
+    struct field f = { .all = { .view = f.view, .views = VIEWS, .range = 14, .threads = 1 } };
+    int sky = 0, near = 0;
+
+    for (int k = 0; k < VIEWS; k++) {
+        const int bx = k % SIDE - 1, by = k / SIDE - 1;
+
+        f.view[k] = (struct sst_planesweep_view){
+            .image = &f.image[k], .bx = bx, .by = by, .disp = &f.disp[k], .cost = &f.cost[k]
+        };
+        assert_int_equal(sst_image_init(&f.image[k], WIDTH, HEIGHT), 0);
+        for (int y = 0; y < HEIGHT; y++) {
+            for (int x = 0; x < WIDTH; x++) {
+                const int at[2] = { x + LEAVES * bx + 64, y + LEAVES * by + 64 };
+                const bool leaf = is_leaf(at[0], at[1]);
+                const uint8_t level = (uint8_t)(scatter(at[0], at[1]) % 128);
+
+                for (int c = 0; c < 3; c++)
+                    sst_image_row(&f.image[k], c, y)[x] = leaf ? level : 250;
+            }
+        }
+    }
+    assert_int_equal(sst_planesweep(&f.all), 0);
+    for (int y = 0; y < HEIGHT; y++) {
+        for (int x = 0; x < WIDTH; x++) {
+            const bool is_sky = !is_leaf(x + 64, y + 64);
+
+            sky += is_sky;
+            near += is_sky && sst_map_u16_row(&f.disp[SIDE + 1], y)[x] > 64 * (LEAVES + SKY) / 2;
+        }
+    }
+    print_message("%.1f %% of the sky is given to leaves\n", 100.0 * near / sky);
+    assert_true(near < 0.2 * sky);
+    free_field(&f);
+}
+
 /* A picture of one colour, views smaller than a block, one row: any map is right, and none is read beyond its end. */
 static void small_and_flat_pictures_have_maps(void **state SST_UNUSED)
 {
@@ -310,6 +388,8 @@ int main(void)
         plain_test(large_views_start_from_half_size),
         serial_test(masked_pixels_and_missing_views_have_no_say),
         cmocka_unit_test(maps_of_half_size_start_it),
+        cmocka_unit_test(maps_without_gaps_are_refused),
+        cmocka_unit_test(a_flat_sky_is_behind_leaves),
         cmocka_unit_test(small_and_flat_pictures_have_maps),
         cmocka_unit_test(limits_and_cancelling_end_it),
     };

@@ -10,6 +10,8 @@
 #include "pipeline/method/sweep/sweep_internal.h"
 
 #define ALIKE     40 /* levels: pixels around count up to this colour step */
+#define FLAT      10 /* levels: in flat surfaces none around has a larger step */
+#define DEARER    12 /* levels: the nearest plane costs more there, in the first round */
 #define P1        6  /* penalties of paths */
 #define EDGE_STEP 10 /* levels: beyond it P2 is a quarter */
 #define FIRST     51 /* largest cost of the first round */
@@ -102,6 +104,8 @@ static void mean_row(const struct mapped *m, int y)
                                              { m->own->step[0], m->own->step[1], m->own->step[2], m->own->step[3],
                                                m->own->step[4], m->own->step[5], m->own->step[6], m->own->step[7] },
                                              ALIKE,
+                                             FLAT,
+                                             (uint16_t)(256 * DEARER / s->planes),
                                              sweep_lists_at(s, &m->costs->lists, y),
                                              s->planes,
                                              s->stride };
