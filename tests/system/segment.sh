@@ -77,6 +77,8 @@ for cpu in ref base; do
   cmp ref.pfm $cpu.pfm || fail "SST_CPU=$cpu: another entropy"
 done
 
+[ "${SST_CPU-}" != avx2 ] || exit 0 # what follows depends on no processor
+
 # --- strips ---
 python3 - <<'PY'
 import struct, zlib

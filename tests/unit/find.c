@@ -106,10 +106,10 @@ static void thermal(void **state SST_UNUSED)
     struct forest f;
     double weakest;
 
-    plant(&f, "flight", small_level() >= 2 ? 8 : 20, 320, 256);
+    plant(&f, "flight", small_level() ? 8 : 20, 320, 256);
     assert_int_equal(sst_posed_find(&finds, &f.scene, &cfg), 0);
-    assert_true(compare(&f, &finds, small_level() >= 2 ? 4 : 6, &weakest) == 0);
-    assert_true(isfinite(weakest) && finds.count >= (small_level() >= 2 ? 1 : 3));
+    assert_true(compare(&f, &finds, small_level() ? 4 : 6, &weakest) == 0);
+    assert_true(isfinite(weakest) && finds.count >= (small_level() ? 1 : 3));
     assert_true(finds.hectares > 0.05 && finds.hectares < 0.3);
     for (int i = 0; i < finds.count; i++) {
         const struct sst_found *found = &finds.found[i];

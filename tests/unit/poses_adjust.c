@@ -9,6 +9,7 @@
 #include "base/log.h"
 #include "pipeline/posed/solve/solve_internal.h"
 #include "tests/random.h"
+#include "tests/small.h"
 #include "tests/test.h"
 
 #define VIEWS  10
@@ -113,7 +114,8 @@ static double gap(const struct poses_model *m, int v)
  * same bytes with more threads. */
 static void cameras_on_a_line(void **state SST_UNUSED)
 {
-    struct poses_model truth, m, threaded, other;
+    struct poses_adjust how = { .linked = all, .line_along = POSES_LINE_ALONG, .line_across = POSES_LINE_ACROSS };
+    struct poses_model truth, m, one, other;
     struct poses_tracks tracks, check;
 
     make_truth(&truth, 1);
@@ -122,16 +124,18 @@ static void cameras_on_a_line(void **state SST_UNUSED)
     disturb(&m, 5);
     poses_triangulate(&m, &tracks);
     assert_true(poses_median(&m, &tracks) > 2);
-    assert_int_equal(poses_model_copy(&threaded, &m), 0);
-    adjust(&m, &tracks,
-           (struct poses_adjust){ .linked = all, .line_along = POSES_LINE_ALONG, .line_across = POSES_LINE_ACROSS });
-    adjust(&threaded, &tracks,
-           (struct poses_adjust){
-               .linked = all, .line_along = POSES_LINE_ALONG, .line_across = POSES_LINE_ACROSS, .threads = 3 });
-    assert_memory_equal(threaded.rotation, m.rotation, VIEWS * sizeof(*m.rotation));
-    assert_memory_equal(threaded.centre, m.centre, VIEWS * sizeof(*m.centre));
-    assert_memory_equal(threaded.point, m.point, POINTS * sizeof(*m.point));
-    poses_model_fini(&threaded);
+    if (small_level() < 2) {
+        assert_int_equal(poses_model_copy(&one, &m), 0);
+        adjust(&one, &tracks, how);
+    }
+    how.threads = 3;
+    adjust(&m, &tracks, how);
+    if (small_level() < 2) {
+        assert_memory_equal(m.rotation, one.rotation, VIEWS * sizeof(*m.rotation));
+        assert_memory_equal(m.centre, one.centre, VIEWS * sizeof(*m.centre));
+        assert_memory_equal(m.point, one.point, POINTS * sizeof(*m.point));
+        poses_model_fini(&one);
+    }
     assert_true(poses_median(&m, &tracks) < 0.3);
     make_truth(&other, 1);
     for (int t = 0; t < POINTS; t++)
