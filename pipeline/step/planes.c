@@ -161,7 +161,9 @@ static void pack_colours(uint32_t *words, const struct sst_plane_source *from, i
     const uint8_t *b = sst_image_row(from->image, 2, y), *seen = row_or_none(from->seen, y);
 
     for (int x = 0; x < from->image->width; x++)
-        words[x] = (uint32_t)(r[x] | g[x] << 8 | b[x] << 16) | (!seen || seen[x] ? 0xFF000000U : 0);
+        words[x] = r[x] | (uint32_t)g[x] << 8 | (uint32_t)b[x] << 16 | 0xFF000000U;
+    for (int x = 0; seen && x < from->image->width; x++)
+        words[x] &= seen[x] ? UINT32_MAX : 0xFFFFFFU;
 }
 
 static void pack_map(uint32_t *words, const struct sst_plane_source *from, int y)

@@ -65,16 +65,18 @@ static void deliver_row(uint16_t *disp, uint8_t *conf, const struct disparity_ru
     const uint16_t *in = sst_map_u16_row(from, row);
     const uint8_t *conf_in = sst_map_u8_row(&run->confidence[view], row);
     const uint8_t *status = run->fill ? sst_map_u8_row(&run->status[view], row) : NULL;
-    const int width = run->lf->width, scale = run->scale, shift = scale - 1; /* of 1 or 2 */
+    const int width = run->lf->width, pairs = (width + 1) / 2; /* an odd row's last one ends in its padding */
 
-    for (int x = 0; x < width; x++)
-        disp[x] = in[x >> shift];
-    for (int x = 0; x < width && scale > 1; x++)
-        disp[x] = (uint16_t)(disp[x] == SST_DISP_NONE ? disp[x] : disp[x] * scale);
-    for (int x = 0; x < width; x++)
-        conf[x] = conf_in[x >> shift];
-    for (int x = 0; status && x < width; x++)
-        conf[x] = (uint8_t)(status[x >> shift] ? 0 : conf[x]);
+    if (run->scale == 1) {
+        memcpy(disp, in, (size_t)width * sizeof(*disp));
+        for (int x = 0; x < width; x++)
+            conf[x] = (uint8_t)(status && status[x] ? 0 : conf_in[x]);
+        return;
+    }
+    for (int x = 0; x < pairs; x++)
+        disp[2 * x] = disp[2 * x + 1] = (uint16_t)(in[x] == SST_DISP_NONE ? in[x] : 2 * in[x]);
+    for (int x = 0; x < pairs; x++)
+        conf[2 * x] = conf[2 * x + 1] = (uint8_t)(status && status[x] ? 0 : conf_in[x]);
 }
 
 /* Unseen pixels have neither. */

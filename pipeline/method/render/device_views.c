@@ -101,11 +101,11 @@ static void pack_pixels(uint32_t *to, const struct packing *p, int y)
         const uint8_t *r = sst_image_row(img, 0, y), *g = sst_image_row(img, 1, y), *b = sst_image_row(img, 2, y);
 
         for (int x = 0; x < p->width; x++)
-            to[x] = (uint32_t)(r[x] | g[x] << 8 | b[x] << 16) | (label ? (uint32_t)label[x] << 24 : 0);
-        return;
-    }
-    for (int x = 0; x < p->width; x++)
-        to[x] = label ? (uint32_t)label[x] << 24 : 0;
+            to[x] = r[x] | (uint32_t)g[x] << 8 | (uint32_t)b[x] << 16;
+    } else
+        memset(to, 0, (size_t)p->width * sizeof(*to));
+    for (int x = 0; label && x < p->width; x++)
+        to[x] |= (uint32_t)label[x] << 24;
 }
 
 static int pack_rows(void *arg, int index, int worker SST_UNUSED)

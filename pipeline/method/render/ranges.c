@@ -58,6 +58,16 @@ static int scan_extent(void *arg, int index, int worker)
     return 0;
 }
 
+/* Whether a row has the values of the one above, as every second one of maps matched at half size. */
+static bool is_as_above(const struct sst_view *v, int y)
+{
+    const size_t width = (size_t)v->disp.width;
+
+    return y < v->disp.height &&
+           !memcmp(sst_map_u16_row(&v->disp, y), sst_map_u16_row(&v->disp, y - 1), width * sizeof(uint16_t)) &&
+           (!v->label.data || !memcmp(sst_map_u8_row(&v->label, y), sst_map_u8_row(&v->label, y - 1), width));
+}
+
 static int count_view(void *arg, int index, int worker)
 {
     const struct job *j = arg;
@@ -66,13 +76,14 @@ static int count_view(void *arg, int index, int worker)
 
     if (!v->present || !v->disp.data)
         return 0;
-    for (int y = 0; y < v->disp.height; y++) {
+    for (int y = 0, rows; y < v->disp.height; y += rows) {
         const uint16_t *d = sst_map_u16_row(&v->disp, y);
         const uint8_t *label = v->label.data ? sst_map_u8_row(&v->label, y) : NULL;
 
+        rows = 1 + is_as_above(v, y + 1);
         for (int x = 0; x < v->disp.width; x++) {
             if (d[x] != SST_DISP_NONE)
-                count[j->row[label ? label[x] : 0] * j->bins + d[x]]++;
+                count[j->row[label ? label[x] : 0] * j->bins + d[x]] += (uint64_t)rows;
         }
     }
     return 0;
