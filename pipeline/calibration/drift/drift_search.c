@@ -67,7 +67,7 @@ static void block_read(struct sst_correlate *b, const struct area *in, int x, in
 }
 
 struct field {
-    int along, across; /* steps of one pixel of the level */
+    int along, across;               /* steps of one pixel of the level */
     float v[ALONG_MAX * ACROSS_MAX]; /* [along][across] */
 };
 
@@ -126,11 +126,21 @@ static int round_down(double v)
     return whole - (whole > v);
 }
 
-/* Pixel of the other view at a step along and across, px of the level. */
-static void to_pixel(const struct drift_search *s, double along, double across, int *x, int *y)
+/* A step along the line, or across it, px of the level. */
+struct step {
+    double x, y;
+};
+
+static struct step step_by(const double direction[2], double by)
 {
-    *x = round_down(s->u[0] * along + s->n[0] * across + 0.5);
-    *y = round_down(s->u[1] * along + s->n[1] * across + 0.5);
+    return (struct step){ direction[0] * by, direction[1] * by };
+}
+
+/* Pixel of the other view at a step along and one across. */
+static void to_pixel(struct step along, struct step across, int *x, int *y)
+{
+    *x = round_down(along.x + across.x + 0.5);
+    *y = round_down(along.y + across.y + 0.5);
 }
 
 /* Search: a block's places in an area of the other view. */
@@ -141,6 +151,7 @@ struct band {
     struct area area;
     int x, y, level; /* the feature */
     int across;      /* steps to each side */
+    bool whole;      /* all of it lies in the picture */
     double from, middle;
 };
 
@@ -152,14 +163,18 @@ static bool set_band(struct band *n, int along)
     for (int i = 0; i < 4; i++) {
         int px, py;
 
-        to_pixel(n->s, i % 2 ? n->from + along - 1 : n->from, i / 2 ? n->middle + n->across : n->middle - n->across, &px,
-                 &py);
+        to_pixel(step_by(n->s->u, i % 2 ? n->from + along - 1 : n->from),
+                 step_by(n->s->n, i / 2 ? n->middle + n->across : n->middle - n->across), &px, &py);
         r.x0 = sst_min_int(r.x0, n->x + px - 4);
         r.x1 = sst_max_int(r.x1, n->x + px + 5);
         r.y0 = sst_min_int(r.y0, n->y + py - 4);
         r.y1 = sst_max_int(r.y1, n->y + py + 5);
     }
-    return area_set(&n->area, n->b, n->level, r);
+    if (!area_set(&n->area, n->b, n->level, r))
+        return false;
+    n->whole =
+        n->area.x0 == r.x0 && n->area.y0 == r.y0 && n->area.width == r.x1 - r.x0 && n->area.height == r.y1 - r.y0;
+    return true;
 }
 
 /* Steps that kernels do at once. */
@@ -168,26 +183,34 @@ static bool set_band(struct band *n, int along)
 /* Correlations at all steps of the search. @return false: a place on the line itself is outside */
 static bool correlate_steps(const struct band *n, struct field *field)
 {
-    const int count = field->along * field->across;
+    sst_correlate_places_fn *correlate = sst_kernels_get()->correlate_places;
+    float *v = field->v;
     bool whole = true;
+    struct step across[ACROSS_MAX];
     int32_t at[STEPS];
+    int count = 0;
 
-    for (int from = 0, k = 0, l = 0; from < count; from += STEPS) {
-        const int steps = sst_min_int(count - from, STEPS);
+    for (int l = 0; l < field->across; l++)
+        across[l] = step_by(n->s->n, n->middle + l - n->across);
+    for (int k = 0; k < field->along; k++) {
+        const struct step along = step_by(n->s->u, n->from + k);
 
-        for (int i = 0; i < steps; i++) {
+        if (count + field->across > STEPS) {
+            correlate(v, &n->block, at, (size_t)count);
+            v += count;
+            count = 0;
+        }
+        for (int l = 0; l < field->across; l++) {
             bool inside;
             int x, y;
 
-            to_pixel(n->s, n->from + k, n->middle + l - n->across, &x, &y);
-            inside = block_inside(&n->area, n->x + x, n->y + y);
-            at[i] = inside ? block_at(&n->area, n->x + x, n->y + y) : -1;
+            to_pixel(along, across[l], &x, &y);
+            inside = n->whole || block_inside(&n->area, n->x + x, n->y + y);
+            at[count++] = inside ? block_at(&n->area, n->x + x, n->y + y) : -1;
             whole = whole && (inside || l != n->across);
-            k += l + 1 == field->across;
-            l = l + 1 == field->across ? 0 : l + 1;
         }
-        sst_kernels_get()->correlate_places(field->v + from, &n->block, at, (size_t)steps);
     }
+    correlate(v, &n->block, at, (size_t)count);
     return whole;
 }
 
