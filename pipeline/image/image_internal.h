@@ -39,12 +39,14 @@ struct png_map {
     const void *data; /* [height] rows of `stride` bytes */
     size_t stride;
     int width, height;
-    bool u16;                    /* numbers of 16 bits in the processor's order; else bytes */
-    const uint8_t (*palette)[3]; /* [256] of bytes, or NULL: grey */
+    bool u16;                      /* numbers of 16 bits in the processor's order; else bytes */
+    const uint8_t (*palette)[3];   /* [256] of bytes, or NULL: grey */
+    const struct sst_image *image; /* a picture, in place of all these but its size; NULL: a map */
 };
 
 /**
- * A whole file of a map: quickly rather than small. The bytes depend on the library, the samples are the map's.
+ * A whole file of a map or picture: quickly rather than small. The bytes depend on the library, the samples are the
+ * map's.
  *
  * @param out  the file; the caller frees it
  * @return false: there is no memory; nothing is to be freed then. Not logged. Not in builds without ISA-L
@@ -54,7 +56,9 @@ bool png_pack_map(uint8_t **out, size_t *size, const struct png_map *map);
 /** A map becomes a file, by libpng where it cannot be packed faster. Faults are logged. */
 SST_MUST_CHECK int png_write_map(const struct png_map *map, const char *path);
 
-#define NPY_HEADER 192 /* bytes before the data of an .npy: a multiple of 64 that holds four dimensions of 20 digits */
+#define NPY_HEADER                                                                                                     \
+    192 /* bytes before the data of an .npy: a multiple of 64 that holds four dimensions of 20 digits                  \
+         */
 
 /**
  * Header of an .npy, version 1.0, in C order and this machine's byte order.

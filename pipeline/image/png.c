@@ -466,7 +466,7 @@ static int write_png(const struct picture *p, const char *path)
 
 int sst_image_write_png(const struct sst_image *img, const char *path)
 {
-    return write_png(&(struct picture){ .image = img, .width = img->width, .height = img->height }, path);
+    return png_write_map(&(struct png_map){ .image = img, .width = img->width, .height = img->height }, path);
 }
 
 int sst_image_write_samples(const struct sst_image *img, struct sst_samples samples, const char *path)
@@ -484,7 +484,10 @@ int png_write_map(const struct png_map *map, const char *path)
     int err;
 
     if (!WITH_ISAL || !png_pack_map(&data, &size, map))
-        return write_png(&(struct picture){ .map = map, .width = map->width, .height = map->height }, path);
+        return write_png(
+            &(struct picture){
+                .image = map->image, .map = map->image ? NULL : map, .width = map->width, .height = map->height },
+            path);
     err = sst_file_write(path, data, size);
     free(data);
     return err;
@@ -492,12 +495,13 @@ int png_write_map(const struct png_map *map, const char *path)
 
 int sst_map_u8_write_png(const struct sst_map_u8 *map, const char *path, const uint8_t (*palette)[3])
 {
-    return png_write_map(&(struct png_map){ map->data, map->stride, map->width, map->height, false, palette }, path);
+    return png_write_map(&(struct png_map){ map->data, map->stride, map->width, map->height, false, palette, NULL },
+                         path);
 }
 
 int sst_map_u16_write_png(const struct sst_map_u16 *map, const char *path)
 {
-    return png_write_map(&(struct png_map){ map->data, map->stride, map->width, map->height, true, NULL }, path);
+    return png_write_map(&(struct png_map){ map->data, map->stride, map->width, map->height, true, NULL, NULL }, path);
 }
 
 int sst_image_write_deep(const struct sst_map_u16 plane[3], const char *path)

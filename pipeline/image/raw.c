@@ -328,7 +328,8 @@ int sst_raw_write_png(const struct sst_raw *raw, const char *path)
         return err;
     }
     if (raw->fourcc == V4L2_PIX_FMT_GREY)
-        return png_write_map(&(struct png_map){ raw->data, stride_of(raw), raw->width, raw->height, false, NULL }, path);
+        return png_write_map(
+            &(struct png_map){ raw->data, stride_of(raw), raw->width, raw->height, false, NULL, NULL }, path);
     if (raw->fourcc == V4L2_PIX_FMT_Y16)
         return write_y16(raw, path);
     err = sst_raw_to_image(&img, raw);
