@@ -20,7 +20,7 @@
 #include "pipeline/live/frames/frames_internal.h"
 
 #define FOLLOW_SETS 16 /* levels of Y16 are measured in one of this number of sets */
-#define ABSENT_NS 2000000000
+#define ABSENT_NS   2000000000
 
 /* --- changes ------------------------------------------------------------------------------------------------------ */
 
@@ -74,33 +74,57 @@ static void choose_keys(struct sst_liveframes *f)
     }
 }
 
-/* Source tiles of each rectified tile, and pixels outside of the raw frame. */
+/* Source tiles of a block of a rectified tile, and pixels outside of the raw frame. */
+static struct from find_source(const struct sst_liveframes *f, const struct live_view *v, struct sst_view *view, int t,
+                               int block)
+{
+    const int side = SST_LIVE_TILE / SST_LIVE_BLOCKS, width = f->lf->width, height = f->lf->height;
+    const int x = t % f->cols * SST_LIVE_TILE + block % SST_LIVE_BLOCKS * side;
+    const int y = t / f->cols * SST_LIVE_TILE + block / SST_LIVE_BLOCKS * side;
+    const struct sst_rect part = { x, y, sst_min_int(x + side, width), sst_min_int(y + side, height) };
+    struct from from = { { 0 } };
+    int box[4];
+
+    if (x >= width || y >= height ||
+        !sst_rectify_map_box(v->map, (enum sst_filter)f->lf->filter, &part, box, &view->valid))
+        return from;
+    for (int i = 0; i < 4; i++)
+        from.tile[i] = (uint16_t)((box[i] + (i < 2 ? 0 : SST_LIVE_TILE - 1)) / SST_LIVE_TILE);
+    return from;
+}
+
+/* Add the source tiles of a block to its tile's; those without any have the tiles 0 .. -1. */
+static void join(struct from *all, const struct from *one)
+{
+    if (one->tile[2] <= one->tile[0])
+        return;
+    if (all->tile[2] <= all->tile[0])
+        *all = *one;
+    for (int i = 0; i < 4; i++)
+        all->tile[i] =
+            (uint16_t)(i < 2 ? sst_min_int(all->tile[i], one->tile[i]) : sst_max_int(all->tile[i], one->tile[i]));
+}
+
 static int open_map(struct sst_liveframes *f, struct live_view *v, struct sst_view *view)
 {
     const struct sst_lightfield *lf = f->lf;
-    const enum sst_filter filter = (enum sst_filter)lf->filter;
+    const size_t tiles = (size_t)f->cols * (size_t)f->rows, blocks = SST_LIVE_BLOCKS * SST_LIVE_BLOCKS;
     bool all = true;
     int err = sst_rectify_map_create(&v->map, lf->rectified, lf->calibration, (int)(view - lf->views));
 
     if (!err)
-        err = sst_sampler_create_empty(&v->sampler, v->map, filter);
+        err = sst_sampler_create_empty(&v->sampler, v->map, (enum sst_filter)lf->filter);
     if (!err)
         err = sst_map_u8_init(&view->valid, lf->width, lf->height);
     if (err)
         return err;
-    v->from = calloc((size_t)f->cols * (size_t)f->rows, sizeof(*v->from));
-    if (!v->from)
+    v->from = calloc(tiles, sizeof(*v->from));
+    v->block = calloc(tiles, blocks * sizeof(*v->block));
+    if (!v->from || !v->block)
         return -ENOMEM;
-    for (int t = 0; t < f->cols * f->rows; t++) {
-        const int x = t % f->cols * SST_LIVE_TILE, y = t / f->cols * SST_LIVE_TILE;
-        const struct sst_rect tile = { x, y, sst_min_int(x + SST_LIVE_TILE, lf->width),
-                                       sst_min_int(y + SST_LIVE_TILE, lf->height) };
-        int box[4];
-
-        if (!sst_rectify_map_box(v->map, filter, &tile, box, &view->valid))
-            continue;
-        for (int i = 0; i < 4; i++)
-            v->from[t].tile[i] = (uint16_t)((box[i] + (i < 2 ? 0 : SST_LIVE_TILE - 1)) / SST_LIVE_TILE);
+    for (size_t i = 0; i < tiles * blocks; i++) {
+        v->block[i] = find_source(f, v, view, (int)(i / blocks), (int)(i % blocks));
+        join(&v->from[i / blocks], &v->block[i]);
     }
     for (int y = 0; all && y < lf->height; y++)
         all = !memchr(sst_map_u8_row(&view->valid, y), 0, (size_t)lf->width);
@@ -208,6 +232,7 @@ void sst_liveframes_close(struct sst_liveframes *f)
         sst_sampler_destroy(v->sampler);
         sst_rectify_map_destroy(v->map);
         free(v->from);
+        free(v->block);
         sst_mem_free(v->dirty);
         sst_mem_free(v->last);
         sst_mem_free(v->index.mcu);
@@ -345,8 +370,9 @@ static int follow_levels(struct sst_liveframes *f)
     f->followed = FOLLOW_SETS;
     for (int k = 0; k < f->views; k++) {
         if (has_frame(f, k))
-            frame[n++] = (struct sst_raw){ cfg->fourcc, cfg->width, cfg->height, f->in->frame[k].stride, f->in->frame[k].data,
-                                           f->in->frame[k].bytes };
+            frame[n++] =
+                (struct sst_raw){ cfg->fourcc,          cfg->width,           cfg->height, f->in->frame[k].stride,
+                                  f->in->frame[k].data, f->in->frame[k].bytes };
     }
     if (cfg->levels.white)
         f->stretch = cfg->levels;

@@ -10,8 +10,9 @@
 #include "pipeline/kernels/kernels.h"
 #include "pipeline/live/frames/frames_internal.h"
 
-#define MOST_PARTS 8 /* of a frame that are decoded by themselves */
-#define PART_TILES 4 /* tiles that can be decoded while a part is prepared */
+#define MOST_PARTS  8 /* of a frame that are decoded by themselves */
+#define PART_TILES  4 /* tiles that can be decoded while a part is prepared */
+#define BLOCKS_MOST (SST_IMAGE_MAX_SIDE / SST_LIVE_TILE * SST_LIVE_BLOCKS)
 
 /* --- decoding ----------------------------------------------------------------------------------------------------- */
 
@@ -224,17 +225,34 @@ void frames_mark(const struct sst_liveframes *f, int k, const uint8_t *dirty, ui
         map[t] = any_dirty(f, dirty, &from[t]);
 }
 
-/* Runs of changed tiles, row by row of pixels. */
+/* Changed blocks of a row of blocks. @param map  changed tiles of their row */
+static void find_blocks(const struct sst_liveframes *f, const struct live_view *v, int row, const uint8_t *map,
+                        uint8_t *block)
+{
+    for (int col = 0; col < f->cols; col++) {
+        const struct from *from = v->block +
+                                  (size_t)(row / SST_LIVE_BLOCKS * f->cols + col) * SST_LIVE_BLOCKS * SST_LIVE_BLOCKS +
+                                  row % SST_LIVE_BLOCKS * SST_LIVE_BLOCKS;
+
+        for (int i = 0; i < SST_LIVE_BLOCKS; i++)
+            block[col * SST_LIVE_BLOCKS + i] = map[col] && any_dirty(f, v->dirty, &from[i]);
+    }
+}
+
+/* Runs of changed blocks, row by row of pixels. */
 static void rectify_row(struct sst_liveframes *f, int k, int row, const uint8_t *map)
 {
+    const int side = SST_LIVE_TILE / SST_LIVE_BLOCKS, blocks = f->cols * SST_LIVE_BLOCKS;
     const struct sst_image *image = &f->lf->views[k].image;
-    const int y1 = sst_min_int((row + 1) * SST_LIVE_TILE, image->height);
+    const int y1 = sst_min_int((row + 1) * side, image->height);
+    uint8_t block[BLOCKS_MOST];
 
-    for (int col = 0, end; col < f->cols; col = end + 1) {
-        for (end = col; end < f->cols && map[end] && (end - col + 1) * SST_LIVE_TILE <= SST_SAMPLE_MAX;)
+    find_blocks(f, &f->view[k], row, map, block);
+    for (int col = 0, end; col < blocks; col = end + 1) {
+        for (end = col; end < blocks && block[end] && (end - col + 1) * side <= SST_SAMPLE_MAX;)
             end++;
-        for (int y = row * SST_LIVE_TILE; end > col && y < y1; y++) {
-            const int x = col * SST_LIVE_TILE, n = sst_min_int(end * SST_LIVE_TILE, image->width) - x;
+        for (int y = row * side; end > col && y < y1; y++) {
+            const int x = col * side, n = sst_min_int(end * side, image->width) - x;
             uint8_t *const out[3] = { sst_image_row(image, 0, y) + x, sst_image_row(image, 1, y) + x,
                                       sst_image_row(image, 2, y) + x };
 
@@ -255,8 +273,8 @@ static int rectify(void *arg, int index, int worker SST_UNUSED)
     if (atomic_load(&f->cancelled))
         return -ECANCELED;
     frames_mark(f, k, v->dirty, map);
-    for (int row = 0; v->sampler && row < f->rows; row++)
-        rectify_row(f, k, row, map + (size_t)row * (size_t)f->cols);
+    for (int row = 0; v->sampler && row < f->rows * SST_LIVE_BLOCKS; row++)
+        rectify_row(f, k, row, map + (size_t)(row / SST_LIVE_BLOCKS) * (size_t)f->cols);
     return 0;
 }
 

@@ -175,7 +175,9 @@ int frames_burnt_leave(struct frames_burnt *b, uint8_t *changed);
 #define SST_LIVE_SAMPLE_SETS 32 /* the error of skipped tiles is sampled once in this number of sets */
 #define SST_LIVE_KEY_VIEWS   5  /* scanned in every set: nearest to the corners and to the middle */
 
-/* Raw tiles that a rectified tile is computed from: columns [0] .. [2]-1, rows [1] .. [3]-1. */
+#define SST_LIVE_BLOCKS 4 /* across a rectified tile and down: only these are resampled where raw tiles changed */
+
+/* Raw tiles that a rectified tile, or a block of it, is computed from: columns [0] .. [2]-1, rows [1] .. [3]-1. */
 struct from {
     uint16_t tile[4];
 };
@@ -186,6 +188,7 @@ struct live_view {
     bool key;
     struct sst_rectify_map *map; /* NULL: frames are views */
     struct from *from;           /* [rectified tiles] */
+    struct from *block;          /* [rectified tiles][SST_LIVE_BLOCKS][SST_LIVE_BLOCKS] */
     /* kept */
     struct change_detector watch;
     struct sst_sampler *sampler; /* the stored raw frame */
@@ -222,10 +225,10 @@ struct sst_liveframes {
     struct sst_samples stretch; /* white 0: all 16 bits, below 0: not known yet */
     uint8_t *level;             /* [65536] that samples become */
     int followed;               /* sets until it is measured again */
-    bool all;              /* the next update accepts everything */
-    int turn, sample;      /* next of the views scanned in turn; sets until the error is sampled */
-    int rested;            /* sets since something changed, at most REST_SETS */
-    int64_t t_ns, step_ns; /* of the last set; mean time between sets */
+    bool all;                   /* the next update accepts everything */
+    int turn, sample;           /* next of the views scanned in turn; sets until the error is sampled */
+    int rested;                 /* sets since something changed, at most REST_SETS */
+    int64_t t_ns, step_ns;      /* of the last set; mean time between sets */
     /* of this set */
     const struct sst_live_input *in;
     struct sst_liveframes_changes *changes;
