@@ -87,7 +87,8 @@ void engine_zones(struct sst_live_zone *out, const struct sst_config *c)
         const struct sst_zone *z = &c->zone[i];
 
         _Static_assert(SST_LIVE_ZONE_POINTS >= SST_ZONE_POINTS && SST_LIVE_ZONES >= SST_ZONES_MAX, "zones fit");
-        out[i] = (struct sst_live_zone){ .near_px = z->near_px, .far_px = z->far_px, .mask = z->mask && !*z->labels[0] };
+        out[i] =
+            (struct sst_live_zone){ .near_px = z->near_px, .far_px = z->far_px, .mask = z->mask && !*z->labels[0] };
         out[i].points = z->line ? 0 : sst_zone_corners(z, out[i].x, out[i].y);
     }
 }
@@ -264,6 +265,7 @@ static void fill_input(struct live_engine *v, const struct sst_kept *kept)
     struct sst_live_input *in = &v->input;
 
     memset(in, 0, sizeof(*in));
+    in->picture_first = v->events != NULL; /* in a recording picture and tracks are of one moment */
     in->set = kept->set.index;
     in->t_ns = kept->set.t_ns;
     for (int i = 0; i < kept->set.cameras && i < v->layout.config.bound; i++) {
@@ -300,7 +302,6 @@ static int update(struct live_engine *v, const struct sst_kept *kept, uint64_t d
     v->set_wall_ns = kept->set.wall_ns;
     v->latency_due = v->report.tiles_changed > 0;
     engine_note_scene(v, v->report.tiles_changed > 0);
-    engine_tracks_follow(v);
     return 0;
 }
 
@@ -356,9 +357,27 @@ static bool process_set(struct live_engine *v, const struct sst_kept *kept, uint
     return !err;
 }
 
-/** Work on a set for which no viewer has to wait, with the frames borrowed: visits and their pictures, recordings, notices. */
+/** Search and label what no picture of the set needs. */
+static void finish_set(struct live_engine *v)
+{
+    struct sst_live_report rest = { 0 };
+
+    if (sst_live_follow(v->live, &rest)) /* logged, or stopped */
+        return;
+    pthread_mutex_lock(&v->lock);
+    engine_note_rest_locked(v, &rest);
+    pthread_mutex_unlock(&v->lock);
+    engine_note_scene(v, false); /* tracks may have moved the cut */
+}
+
+/** Work on a set for which no viewer has to wait, with the frames borrowed: tracks, visits and their pictures,
+ * recordings, notices. */
 static void follow_set(struct live_engine *v, const struct sst_kept *kept)
 {
+    if (v->set_t_ns == kept->set.t_ns) { /* else it was only watched */
+        finish_set(v);
+        engine_tracks_follow(v);
+    }
     if (v->kept && v->set_t_ns == kept->set.t_ns) /* else it was only watched */
         engine_visits_follow(v, v->track, v->tracks);
     notify_storage(v, kept, &v->report);

@@ -63,7 +63,7 @@ struct view {
     struct sst_livepicture *picture; /* live thread only; NULL: main's, while its settings are the same */
     bool alone;                      /* has a picture of its own with any settings: something was removed by a click */
     uint64_t rendering;              /* number of the rendering that its picture comes from; live thread */
-    uint64_t shown_rendering;        /* number of the rendering that its clients have, and its decoration; live thread */
+    uint64_t shown_rendering; /* number of the rendering that its clients have, and its decoration; live thread */
     enum sst_livepicture_outline shown_outline;
     bool shown_tint;
 };
@@ -139,8 +139,8 @@ struct visit {
     struct visit_point path[VISIT_POINTS], last; /* where it stood */
     int points;
     double height_px; /* in the last set */
-    double box[4]; /* fractions of the picture, in the set of its best picture */
-    double best;   /* share of the picture that it took there */
+    double box[4];    /* fractions of the picture, in the set of its best picture */
+    double best;      /* share of the picture that it took there */
     int pictures;
     bool of_camera; /* one picture is the reference camera's */
     int64_t picture_ns;
@@ -152,7 +152,7 @@ struct sized {
     double height_m, speed_m_s; /* NaN: not known */
     int sets, fits;             /* in which its height was known, was a person's */
     bool walked, ran;
-    bool by_size; /* its label is by these */
+    bool by_size;  /* its label is by these */
     double from_m; /* where its walk is measured from, since ... */
     int64_t from_ns;
 };
@@ -189,15 +189,15 @@ struct live_engine {
     struct array_layout layout;
     char model[SST_PATH_MAX], device[SST_CONFIG_TEXT_MAX];
     char said[SST_LOG_MAX]; /* last error of pictures */
-    uint64_t last; /* number of the last set */
+    uint64_t last;          /* number of the last set */
     int64_t last_ns, retry_ns;
     int64_t updated_ns; /* when the light field was last brought up to date */
     bool moved;         /* a watched set has changes that are not processed */
     uint64_t set_index; /* the set that the pictures show; its time zero and wall time */
     int64_t set_t_ns, set_wall_ns;
-    int64_t tried_t_ns; /* the last set that was processed, or could not be; 0: none */
-    bool latency_due; /* the next pictures are the first of a set */
-    int notice_at;    /* the view that was measured last */
+    int64_t tried_t_ns;    /* the last set that was processed, or could not be; 0: none */
+    bool latency_due;      /* the next pictures are the first of a set */
+    int notice_at;         /* the view that was measured last */
     bool notice_whole;     /* all views were measured */
     int64_t notice_due_ns; /* when the next one is */
     struct visit visit[SST_LIVE_TRACKS];
@@ -207,10 +207,10 @@ struct live_engine {
     struct sized sized[SST_LIVE_TRACKS]; /* changed under lock, too */
     int sizeds;
     int64_t pace_s, pace_from_s, pace_turn_s; /* last looked at; not before; another state is seen since; 0: none */
-    uint64_t renderings;                   /* of pictures of views, so far; live thread */
-    struct sst_livepicture *visit_picture; /* NULL until the first */
-    struct sst_jpeg_encoder *encoder;      /* NULL until the first picture */
-    struct sst_image overlay_image;        /* of labels or disparities; empty until the first */
+    uint64_t renderings;                      /* of pictures of views, so far; live thread */
+    struct sst_livepicture *visit_picture;    /* NULL until the first */
+    struct sst_jpeg_encoder *encoder;         /* NULL until the first picture */
+    struct sst_image overlay_image;           /* of labels or disparities; empty until the first */
 
     /* under lock */
     struct sst_config config;
@@ -225,8 +225,8 @@ struct live_engine {
     int64_t check_due_ns;   /* when the calibration is to be checked next; 0: not known yet */
     struct engine_state state;
     struct second second[RATE_SLOTS];
-    uint64_t update; /* states of the light field */
-    bool behind;     /* the last set was only watched */
+    uint64_t update;     /* states of the light field */
+    bool behind;         /* the last set was only watched */
     int64_t served_t_ns; /* tried_t_ns, when its pictures were rendered */
     struct view view[VIEWS_MAX];
     struct shared overlay[2], camera[SST_CAMERAS_MAX];
@@ -251,6 +251,8 @@ void engine_note_second_locked(struct live_engine *v, const struct sst_live_repo
 void engine_note_passed_locked(struct live_engine *v, uint64_t sets);
 /** Note the results of a set. @param wait_ns  from its trigger until it was processed */
 void engine_note_set_locked(struct live_engine *v, const struct sst_live_report *r, int64_t wait_ns);
+/** Count what followed the picture. @param r  of sst_live_follow() alone */
+void engine_note_rest_locked(struct live_engine *v, const struct sst_live_report *r);
 /** Note ranges and focus, for the sliders of the page. Live thread. @param changed  disparities may have */
 void engine_note_scene(struct live_engine *v, bool changed);
 

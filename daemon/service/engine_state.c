@@ -19,7 +19,7 @@
 #define OFFERED_NS    INT64_C(60000000000)
 
 const char *const engine_stage_names[ENGINE_STAGES] = { "wait",   "change", "decode", "rectify", "disparity",
-                                                       "labels", "refine", "render", "encode" };
+                                                        "labels", "refine", "render", "encode" };
 const char *const engine_demand_names[] = { "none", "events", "pictures" };
 
 /* @param work, done  "pictures" "rendered" @param failure  NULL: the device works again */
@@ -114,7 +114,7 @@ void engine_note_set_locked(struct live_engine *v, const struct sst_live_report 
     v->update++;
     window_add(&s->stage_ms[ENGINE_WAIT], (double)wait_ns / 1e6, now_ns);
     for (int i = 0; i < SST_LIVE_STAGES; i++)
-        if (!r->late || (i != SST_LIVE_DISPARITY && i != SST_LIVE_REFINE)) /* left out */
+        if (!r->late || i < SST_LIVE_DISPARITY || r->stage_ns[i]) /* else left out */
             window_add(&s->stage_ms[ENGINE_LIVE + i], (double)r->stage_ns[i] / 1e6, now_ns);
     for (int i = 0; i < 256; i++) {
         v->share[i] = r->zone[SST_LIVE_ZONES].label[i];
@@ -123,6 +123,18 @@ void engine_note_set_locked(struct live_engine *v, const struct sst_live_report 
         else if (!v->share_ns[i])
             v->share_ns[i] = now_ns;
     }
+}
+
+void engine_note_rest_locked(struct live_engine *v, const struct sst_live_report *r)
+{
+    const int64_t now_ns = sst_clock_now_ns();
+
+    second_now(v)->cpu_ns += r->cpu_ns;
+    v->state.label_runs += (uint64_t)r->label_runs;
+    v->state.label_runs_skipped -= (uint64_t)r->label_runs;
+    if (r->label_runs)
+        window_add(&v->state.stage_ms[ENGINE_LIVE + SST_LIVE_LABELS], (double)r->stage_ns[SST_LIVE_LABELS] / 1e6,
+                   now_ns);
 }
 
 bool engine_settling(const struct engine_state *v)

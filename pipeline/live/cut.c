@@ -1,10 +1,10 @@
 /* The automatic cut of clear pictures, and the histogram that the page draws it into.
  *
- * The cut lies at the near end of the gap behind the foreground, so that visitors in the gap stay in the picture, and is
- * never behind a track that moves behind the foreground. A cut is useful where other views see behind the removed
- * surfaces. A known cut stays while its foreground does, also when the foreground object has left: it waits for the next
- * one. When its gap has been closed for a second, or a useful cut that removes less has been found for a second, the new
- * cut replaces it, or none does. */
+ * The cut lies at the near end of the gap behind the foreground, so that visitors in the gap stay in the picture, and
+ * is never behind a track that moves behind the foreground. A cut is useful where other views see behind the removed
+ * surfaces. A known cut stays while its foreground does, also when the foreground object has left: it waits for the
+ * next one. When its gap has been closed for a second, or a useful cut that removes less has been found for a second,
+ * the new cut replaces it, or none does. */
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
@@ -17,13 +17,13 @@
 #define FINE_BINS   (1 << (16 - FINE_SHIFT))
 #define WAIT_NS     INT64_C(1000000000)
 #define FARTHER_NS  INT64_C(20000000000) /* farther, while its foreground is there: somebody may stand in the gap */
-#define MOVED_SHARE 0.05 /* of all rays between two cuts that are not the same */
-#define LEFT_SHARE  0.5  /* of the rays in front of the cut: the foreground has left */
-#define SAME_PX     1.0  /* apart: the same cut */
-#define CLOSE_PX    0.5  /* to both sides of a cut, where ... */
-#define CLOSE_SHARE 0.01 /* ... this fraction of the rays closes the gap */
-#define SEEN_SHARE  0.5  /* of the removed pixels: other views see behind them. In dense leaves the maps ... */
-#define DENSE       0.9  /* ... confirm a smaller fraction than this, and say little about that */
+#define MOVED_SHARE 0.05                 /* of all rays between two cuts that are not the same */
+#define LEFT_SHARE  0.5                  /* of the rays in front of the cut: the foreground has left */
+#define SAME_PX     1.0                  /* apart: the same cut */
+#define CLOSE_PX    0.5                  /* to both sides of a cut, where ... */
+#define CLOSE_SHARE 0.01                 /* ... this fraction of the rays closes the gap */
+#define SEEN_SHARE  0.5 /* of the removed pixels: other views see behind them. In dense leaves the maps ... */
+#define DENSE       0.9 /* ... confirm a smaller fraction than this, and say little about that */
 /* Distance of the cut from the near side of its gap, of which maps place some rays too far. */
 #define MARGIN_PX 1.25
 #define MARGIN    0.25 /* of the gap, at most */
@@ -32,8 +32,8 @@
 #define BEFORE_HIDDEN 0.08 /* depths of hidden things are less exact */
 #define STEADY_PX     0.25 /* in addition: not again with each step that comes nearer */
 #define BEFORE_PX     0.5
-#define VISITOR_SHARE 0.15 /* of all rays, at most: a visitor in the gap */
-#define FRONT_SHARE   0.05 /* of all rays, nearer than a track: it moves behind the foreground */
+#define VISITOR_SHARE 0.15                /* of all rays, at most: a visitor in the gap */
+#define FRONT_SHARE   0.05                /* of all rays, nearer than a track: it moves behind the foreground */
 #define GUARD_NS      INT64_C(3000000000) /* after the last track that needed another cut */
 
 /* Fraction of the counted rays with a disparity of from_px .. to_px. */
@@ -104,7 +104,7 @@ static double wanted(const struct sst_live *live, double found_px, int64_t *wait
         return share_between(live, cut_px, found_px) > MOVED_SHARE && has_walker(c, found_px, INFINITY) ? cut_px
                                                                                                         : found_px;
     walker = useful && has_walker(c, found_px, cut_px); /* the foreground, when the former has left */
-    if (there || !walker) /* somebody may stand just behind it */
+    if (there || !walker)                               /* somebody may stand just behind it */
         *wait_ns = FARTHER_NS;
     if (!useful)
         return open ? cut_px : NAN;
@@ -163,13 +163,12 @@ int live_cut_follow(struct sst_live *live, int64_t t_ns)
 }
 
 /* Nearest cut in front of all tracks that move behind the foreground; NaN: there is none. */
-static double before_tracks(const struct sst_live *live)
+static double before_tracks(const struct sst_live *live, const struct sst_live_track *track, int n)
 {
-    const struct live_cut *c = &live->cut;
     double most = NAN;
 
-    for (int i = 0; i < c->tracks; i++) {
-        const struct sst_live_track *t = &c->track[i];
+    for (int i = 0; i < n; i++) {
+        const struct sst_live_track *t = &track[i];
         const double px = sst_live_before(t->disp_px, t->hidden);
 
         if (t->hidden || share_nearer(live, sst_live_before(t->disp_px, true)) >= FRONT_SHARE)
@@ -194,7 +193,7 @@ void live_cut_guard(struct sst_live *live, const struct sst_live_track *track, i
     c->tracks = n;
     if (t_ns < c->guarded_ns) /* a recording that begins again */
         c->guard_px = NAN;
-    need_px = before_tracks(live);
+    need_px = before_tracks(live, c->track, n);
     needed = isgreater(need_px, c->gap_px);
     if (needed && !isgreaterequal(c->guard_px, need_px)) {
         c->guard_px = need_px + STEADY_PX;
@@ -206,6 +205,11 @@ void live_cut_guard(struct sst_live *live, const struct sst_live_track *track, i
         c->guarded_ns = t_ns;
     }
     apply(c);
+}
+
+bool live_cut_removes(const struct sst_live *live, const struct sst_live_track *track, int n)
+{
+    return isgreater(before_tracks(live, track, n), live->cut.cut_px);
 }
 
 double sst_live_cut(const struct sst_live *live)

@@ -96,9 +96,29 @@ static void set_zones(const struct sst_live *live, const double changed[SST_LIVE
     }
 }
 
-static int update_scene(struct sst_live *live, const struct sst_live_input *in, struct sst_live_report *done)
+/* What no picture of the set needs. */
+static int follow_scene(struct sst_live *live, struct sst_live_report *done)
 {
     struct sst_live_track track[SST_LIVE_TRACKS];
+    int err = sst_livescene_follow(live->scene, done);
+
+    live->left = false;
+    err = err ? err : live_watch_update(live, live->t_ns);
+    if (!err)
+        live_cut_guard(live, track, sst_live_tracks(live, track), live->t_ns);
+    return err;
+}
+
+/* Has a new track in the open to be known before the picture is made? Tracks are as they were in sets without maps. */
+static bool needs_tracks(const struct sst_live *live)
+{
+    struct sst_live_track track[SST_LIVE_TRACKS];
+
+    return !live->late && live_cut_removes(live, track, sst_livescene_tracks(live->scene, track));
+}
+
+static int update_scene(struct sst_live *live, const struct sst_live_input *in, struct sst_live_report *done)
+{
     int err = sst_livescene_update(live->scene, &live->changes, in, done);
 
     live->ready = err ? live->ready : done->ready;
@@ -109,10 +129,9 @@ static int update_scene(struct sst_live *live, const struct sst_live_input *in, 
         live->low_confidence = done->confirmed < (live->low_confidence ? CONFIRMED_AGAIN : CONFIRMED);
     err = err ? err : live_ingest(live, &live->changes);
     err = err ? err : live_summarize(live, in->t_ns);
-    err = err ? err : live_watch_update(live, in->t_ns);
-    if (!err)
-        live_cut_guard(live, track, sst_live_tracks(live, track), in->t_ns);
-    return err;
+    live->t_ns = in->t_ns;
+    live->left = !err && in->picture_first && !needs_tracks(live);
+    return err || live->left ? err : follow_scene(live, done);
 }
 
 static int update_posed(struct sst_live *live, const struct sst_live_input *in, struct sst_live_report *done)
@@ -125,12 +144,25 @@ static int update_posed(struct sst_live *live, const struct sst_live_input *in, 
     return err;
 }
 
+int sst_live_follow(struct sst_live *live, struct sst_live_report *report)
+{
+    const int64_t cpu_ns = sst_clock_cpu_ns();
+    int err;
+
+    if (!live->left)
+        return 0;
+    err = atomic_load(&live->canceled) ? -ECANCELED : follow_scene(live, report);
+    live->lost |= err != 0;
+    report->cpu_ns += sst_clock_cpu_ns() - cpu_ns;
+    return err;
+}
+
 int sst_live_update(struct sst_live *live, const struct sst_live_input *in, struct sst_live_report *report)
 {
     struct sst_live_report done = { .error_change = NAN, .error_labels = NAN, .confirmed = NAN };
     const int64_t cpu_ns = sst_clock_cpu_ns();
     double changed[SST_LIVE_ZONES + 1];
-    int err = atomic_load(&live->canceled) ? -ECANCELED : 0;
+    int err = atomic_load(&live->canceled) ? -ECANCELED : sst_live_follow(live, &done);
 
     err = err ? err : sst_liveframes_update(live->frames, in, &live->changes, &done);
     if (!err && live->lost)
@@ -155,9 +187,9 @@ int sst_live_watch(struct sst_live *live, const struct sst_live_input *in, struc
     const int64_t cpu_ns = sst_clock_cpu_ns();
     double changed[SST_LIVE_ZONES + 1];
     const int lead = live_zone_view(live);
-    const int err =
-        atomic_load(&live->canceled) ? -ECANCELED : sst_liveframes_watch(live->frames, in, lead, &live->changes);
+    int err = atomic_load(&live->canceled) ? -ECANCELED : sst_live_follow(live, &done);
 
+    err = err ? err : sst_liveframes_watch(live->frames, in, lead, &live->changes);
     if (err)
         return err;
     live_zones_changed(live, &live->changes, changed);

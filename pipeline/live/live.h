@@ -15,16 +15,16 @@
 #include "pipeline/method/render/device.h"
 #include "pipeline/posed/posed.h"
 
-#define SST_LIVE_TILE  32 /* px: side of the tiles in which changes are reported */
-#define SST_LIVE_ZONES 16
+#define SST_LIVE_TILE        32 /* px: side of the tiles in which changes are reported */
+#define SST_LIVE_ZONES       16
 #define SST_LIVE_ZONE_POINTS 16
 
 /** A part of the reference view: a polygon, and a range of disparities. */
 struct sst_live_zone {
     int points;                                              /* 3 or more; 0: nothing is in it */
     double x[SST_LIVE_ZONE_POINTS], y[SST_LIVE_ZONE_POINTS]; /* fractions 0..1 of width and height */
-    double near_px, far_px; /* limits of its depth; INFINITY, -INFINITY: none */
-    bool mask;              /* its content counts in no zone; only where it has no limit of depth */
+    double near_px, far_px;                                  /* limits of its depth; INFINITY, -INFINITY: none */
+    bool mask; /* its content counts in no zone; only where it has no limit of depth */
 };
 
 /** Cameras that stand anywhere: nothing is rectified, there are neither disparities nor labels nor tracks, and pictures
@@ -55,8 +55,8 @@ struct sst_live_config {
                                      "cpu": on none */
     uint64_t device_memory_bytes; /* that pictures may use; 0: SST_GPU_PICTURES_PERCENT of the device's */
     uint64_t device_label_bytes;  /* that networks may use; 0: SST_GPU_LABELS_PERCENT */
-    bool background;                   /* improve the maps of a static scene on a background thread */
-    double alarms_per_hour;            /* false ones accepted of things behind leaves; 0: they are not searched */
+    bool background;              /* improve the maps of a static scene on a background thread */
+    double alarms_per_hour;       /* false ones accepted of things behind leaves; 0: they are not searched */
     int zones;
     struct sst_live_zone zone[SST_LIVE_ZONES];
 };
@@ -65,8 +65,9 @@ struct sst_live_config {
 struct sst_live_input {
     uint64_t set;
     int64_t t_ns;
-    bool unseen; /* no pictures are needed for now: the background thread does not start */
-    bool crowded; /* sets came that were left out: there is no processor time to spare */
+    bool unseen;        /* no pictures are needed for now: the background thread does not start */
+    bool crowded;       /* sets came that were left out: there is no processor time to spare */
+    bool picture_first; /* what its picture does not need is left to sst_live_follow() */
     struct {
         const uint8_t *data; /* NULL: missing; the view is not updated */
         size_t bytes, stride;
@@ -98,12 +99,12 @@ struct sst_live_report {
     int64_t label_runs, label_runs_skipped; /* network runs; skipped: compared with one per view */
     double error_change, error_labels;      /* error of skipped parts when last sampled: mean |difference| (0..255) and
                                                fraction of wrong labels (0..1); NaN: not sampled in this update */
-    double confirmed; /* fraction of the key views' disparities that another key view confirms; NaN: unknown */
+    double confirmed;          /* fraction of the key views' disparities that another key view confirms; NaN: unknown */
     struct sst_samples levels; /* of 16-bit frames, that become black and white; white 0: all, or frames of 8 bits */
-    bool whole;       /* everything was recomputed */
-    bool late;        /* disparities are from an earlier set: dense leaves move */
-    bool ready;       /* disparities (and labels, with a model) are available */
-    bool alone;       /* no two neighbouring cameras deliver pictures, so disparities cannot be computed */
+    bool whole;                /* everything was recomputed */
+    bool late;                 /* disparities are from an earlier set: dense leaves move */
+    bool ready;                /* disparities (and labels, with a model) are available */
+    bool alone;                /* no two neighbouring cameras deliver pictures, so disparities cannot be computed */
     struct {
         double changed;         /* fraction of its tiles that changed in the reference view */
         float label[256];       /* fraction of its pixels with the label, 0 = unlabeled */
@@ -159,6 +160,16 @@ SST_MUST_CHECK int sst_live_update(struct sst_live *live, const struct sst_live_
                                    struct sst_live_report *report);
 
 /**
+ * After the picture of a set with `picture_first`: search behind leaves, tracks, and labels for the maps of a later
+ * set. Until then tracks and the cut's exception for them are as of the set before. Nothing is left in a set with a
+ * track in the open that its cut would remove. The next update does it where it has not been done.
+ *
+ * @param report  zeroed, or of the update: network runs and cpu_ns are added
+ * @return 0, -ECANCELED, -ENOMEM; logged. After an error the next update computes everything.
+ */
+SST_MUST_CHECK int sst_live_follow(struct sst_live *live, struct sst_live_report *report);
+
+/**
  * Find the changes in the view that zones refer to, without updating anything: for sets of which no pictures are
  * needed. The next update finds all changes since the last one.
  *
@@ -169,9 +180,9 @@ SST_MUST_CHECK int sst_live_update(struct sst_live *live, const struct sst_live_
 SST_MUST_CHECK int sst_live_watch(struct sst_live *live, const struct sst_live_input *in,
                                   struct sst_live_report *report);
 
-/** Moving objects as of the last update: an object keeps its id while it is seen, in the open or behind leaves, while
- * something nearer occludes it for a few seconds, and while it stands for ten minutes at most. Needs a model, except
- * for occluded objects. @return number */
+/** Moving objects as of the last update, and sst_live_follow(): an object keeps its id while it is seen, in the open or
+ * behind leaves, while something nearer occludes it for a few seconds, and while it stands for ten minutes at most.
+ * Needs a model, except for occluded objects. @return number */
 int sst_live_tracks(const struct sst_live *live, struct sst_live_track out[SST_LIVE_TRACKS]);
 
 /** Label of a movable object, by the network, in a picture of the reference view's size, on a good part of a box (left,
@@ -186,11 +197,11 @@ bool sst_live_settle(struct sst_live *live);
 /** The surface of an array without a lattice. */
 struct sst_live_surface {
     bool known, fitting;
-    bool fitted;          /* by the program; false: the plane is given */
-    double distance_mm;   /* along the middle view's axis; NaN: not known */
-    double tilt_deg;      /* of a fitted plane against the direction in which it was sought */
-    int views;            /* that were compared */
-    int64_t fitted_ns;    /* time of the last fit; 0: none */
+    bool fitted;           /* by the program; false: the plane is given */
+    double distance_mm;    /* along the middle view's axis; NaN: not known */
+    double tilt_deg;       /* of a fitted plane against the direction in which it was sought */
+    int views;             /* that were compared */
+    int64_t fitted_ns;     /* time of the last fit; 0: none */
     char why[SST_LOG_MAX]; /* it is not known, or the last fit failed; "" */
 };
 
@@ -229,8 +240,8 @@ double sst_live_default_focus(const struct sst_live *live);
  *  @return 0, -ENODATA (not visible, or on fewer than one pixel in 2000) */
 SST_MUST_CHECK int sst_livepicture_label_disparity(const struct sst_live *live, int label, double *disp_px);
 
-/** The cut of clear pictures, just behind the foreground: at the near end of the gap of sst_render_find_gap(), as long as
- *  that foreground is there, and in front of all tracks behind the foreground; px per spacing; NaN: none known. */
+/** The cut of clear pictures, just behind the foreground: at the near end of the gap of sst_render_find_gap(), as long
+ * as that foreground is there, and in front of all tracks behind the foreground; px per spacing; NaN: none known. */
 double sst_live_cut(const struct sst_live *live);
 
 /** A cut just in front of a thing, px per spacing. @param hidden  behind leaves, where depths are less exact */
@@ -274,8 +285,8 @@ enum sst_livepicture_outline {
 SST_MUST_CHECK int sst_livepicture_remember(struct sst_livepicture *p, const struct sst_livepicture *from);
 
 /**
- * The last picture with outlines, and a tint over pixels that were last seen more than a second ago. Pictures that are not
- * clear have neither.
+ * The last picture with outlines, and a tint over pixels that were last seen more than a second ago. Pictures that are
+ * not clear have neither.
  *
  * @param image  out, borrowed until the next call
  * @return 0, -ENOMEM
@@ -297,8 +308,8 @@ void sst_livepicture_clear(const struct sst_livepicture *p, struct sst_livepictu
  * Remove the thing at a pixel of the reference view from clear pictures, or bring it back: a pixel of something removed
  * so brings that back. It is followed while it moves slowly, and forgotten when it is lost for two seconds.
  *
- * @return 0, -ERANGE (outside), -ENOTSUP (no lattice), -ENODATA (no disparity there, or not ready), -EOVERFLOW (SST_LIVEPICTURE_OBJECTS are
- * removed), -EINVAL (most of the picture), -ENOMEM; not logged.
+ * @return 0, -ERANGE (outside), -ENOTSUP (no lattice), -ENODATA (no disparity there, or not ready), -EOVERFLOW
+ * (SST_LIVEPICTURE_OBJECTS are removed), -EINVAL (most of the picture), -ENOMEM; not logged.
  */
 SST_MUST_CHECK int sst_livepicture_toggle(struct sst_livepicture *p, int x, int y, bool *removed);
 /** Bring all back. */

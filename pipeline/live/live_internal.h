@@ -40,6 +40,8 @@ struct sst_live {
     double confirmed;               /* fraction of the disparities that another key view confirms; 1: unknown */
     bool low_confidence;            /* the maps have low confidence: rays are verified if the settings ask for it */
     bool late;                      /* disparities are from an earlier set than the pictures */
+    bool left;                      /* sst_live_follow() has something to do, ... */
+    int64_t t_ns;                   /* ... of this set */
     bool lost;                      /* changes got lost by an error: the next update computes everything */
     uint64_t serial;                /* of the last change ingested; 0: none */
     uint64_t *stamp[SST_MAX_VIEWS]; /* [tiles] serial of the tile's last change; NULL: absent view */
@@ -174,6 +176,9 @@ SST_MUST_CHECK int live_cut_follow(struct sst_live *live, int64_t t_ns);
 
 /** Keep the cut in front of the tracks of the set that move behind the foreground. @param track  in, [n] */
 void live_cut_guard(struct sst_live *live, const struct sst_live_track *track, int n, int64_t t_ns);
+
+/** Would the cut, as it is, remove one of these tracks, which moves behind the foreground? @param track  [n] */
+bool live_cut_removes(const struct sst_live *live, const struct sst_live_track *track, int n);
 
 /* --- pick.c --- */
 

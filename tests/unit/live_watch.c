@@ -27,6 +27,7 @@ struct watch {
     struct sst_live_input in;
     struct sst_live_track track[SST_LIVE_TRACKS];
     int tracks, t_s;
+    bool late_follow; /* the next update does it */
 };
 
 static void open_watch(struct watch *w, double alarms_per_hour)
@@ -86,6 +87,14 @@ static void step(struct watch *w, const struct sst_hedge_person *person)
         w->in.frame[k].stride = WIDTH;
     }
     assert_int_equal(sst_live_update(w->live, &w->in, &report), 0);
+    if (w->in.picture_first && !w->late_follow) { /* tracks are as of the set before */
+        struct sst_live_track track[SST_LIVE_TRACKS];
+
+        assert_int_equal(sst_live_tracks(w->live, track), w->tracks);
+        assert_memory_equal(track, w->track, (size_t)w->tracks * sizeof(*track));
+    }
+    if (!w->late_follow)
+        assert_int_equal(sst_live_follow(w->live, &report), 0);
     w->tracks = sst_live_tracks(w->live, w->track);
 }
 
@@ -131,6 +140,38 @@ static void a_passer_by_is_one_hidden_track(void **state)
     close_watch(&w);
 }
 
+/* The search follows the picture: it finds the same, and what is left out follows with the next set. */
+static void behind_the_picture_it_finds_the_same(void **state)
+{
+    struct watch w, first, late;
+
+    (void)state;
+    open_watch(&w, 1);
+    open_watch(&first, 1);
+    open_watch(&late, 1);
+    first.in.picture_first = late.in.picture_first = late.late_follow = true;
+    for (int n = 0; n < EMPTY + 16; n++) {
+        const struct sst_hedge_person p = {
+            .x = 26 + 6 * (n - EMPTY), .foot = 112, .height = 60, .disp_px = 3.5, .stride = n, .clothes = 12345
+        };
+        const int before = w.tracks;
+        struct sst_live_track track[SST_LIVE_TRACKS];
+
+        memcpy(track, w.track, sizeof(track));
+        step(&w, n < EMPTY ? NULL : &p);
+        step(&first, n < EMPTY ? NULL : &p);
+        step(&late, n < EMPTY ? NULL : &p);
+        assert_int_equal(first.tracks, w.tracks);
+        assert_memory_equal(first.track, w.track, (size_t)w.tracks * sizeof(*track));
+        assert_int_equal(late.tracks, before);
+        assert_memory_equal(late.track, track, (size_t)before * sizeof(*track));
+    }
+    assert_int_equal(w.tracks, 1);
+    close_watch(&w);
+    close_watch(&first);
+    close_watch(&late);
+}
+
 static void without_the_search_there_is_none(void **state)
 {
     struct watch w;
@@ -146,6 +187,7 @@ static void without_the_search_there_is_none(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = { cmocka_unit_test(a_passer_by_is_one_hidden_track),
+                                        cmocka_unit_test(behind_the_picture_it_finds_the_same),
                                         serial_test(without_the_search_there_is_none) };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -25,10 +25,10 @@
 #define LATE_CONFIRMED 0.95
 #define LATE_SHARE     0.5
 /* While maps wait, less motion lets them wait, too: a gust is not even. */
-#define LATE_AGAIN     0.2
-#define LATE_AGAIN_NS  1500000000
-#define LATE_NS        550000000
-#define LATE_TRACK_NS  350000000
+#define LATE_AGAIN    0.2
+#define LATE_AGAIN_NS 1500000000
+#define LATE_NS       550000000
+#define LATE_TRACK_NS 350000000
 /* Part of a box that must have a label. */
 #define RECOGNISED 0.15
 
@@ -311,8 +311,8 @@ static int compute_changes(struct sst_livescene *s, struct sst_liveframes_change
     }
     if (may_wait(s, tiles)) {
         s->late_t_ns = s->t_ns;
-        report->late = true;
-        return scene_label_ahead(s, report);
+        report->late = s->left = true;
+        return 0;
     }
     err = scene_find_range(s);
     if (err || !s->ranged)
@@ -375,6 +375,26 @@ int sst_livescene_recognise(struct sst_livescene *s, const struct sst_image *ima
     return count[best] >= RECOGNISED * (x1 - x0) * (y1 - y0) ? best : 0;
 }
 
+static void log_memory(void)
+{
+    sst_log_error("not enough memory to track the scene; the next set is computed from scratch");
+}
+
+int sst_livescene_follow(struct sst_livescene *s, struct sst_live_report *report)
+{
+    int err;
+
+    if (!s->left)
+        return 0;
+    s->left = false;
+    err = scene_label_ahead(s, report);
+    report->label_runs_skipped -= report->label_runs;
+    s->whole_next |= err != 0;
+    if (err == -ENOMEM)
+        log_memory();
+    return err;
+}
+
 int sst_livescene_update(struct sst_livescene *s, struct sst_liveframes_changes *changes,
                          const struct sst_live_input *in, struct sst_live_report *report)
 {
@@ -383,7 +403,7 @@ int sst_livescene_update(struct sst_livescene *s, struct sst_liveframes_changes 
 
     report->stage_ns[SST_LIVE_DISPARITY] = report->stage_ns[SST_LIVE_LABELS] = report->stage_ns[SST_LIVE_REFINE] = 0;
     report->label_runs = 0;
-    report->whole = report->late = false;
+    report->whole = report->late = s->left = false;
     s->t_ns = in->t_ns;
     err = err ? err : compute_changes(s, changes, report);
     for (int view = 0; view < s->views; view++)
@@ -401,6 +421,6 @@ int sst_livescene_update(struct sst_livescene *s, struct sst_liveframes_changes 
     if (!err && !report->late)
         follow_tracks(s, in->t_ns);
     if (err == -ENOMEM)
-        sst_log_error("not enough memory to track the scene; the next set is computed from scratch");
+        log_memory();
     return err;
 }

@@ -28,6 +28,9 @@ void sst_livescene_close(struct sst_livescene *s);
  * disparity. The other views get disparity and label of the key pixels that are warped there, nearest surface first;
  * pixels that no key view sees are filled from the farther surroundings.
  *
+ * While maps wait, the network runs for the next ones in sst_livescene_follow(), which is to be called after each
+ * update.
+ *
  * @param changes  in: tiles whose picture changed; out: tiles whose picture, disparity or label changed
  * @param in       time of the set, and `unseen`
  * @param report   out, DISPARITY, LABELS (which runs in parallel), REFINE and their counters, ready, whole; in the
@@ -37,6 +40,9 @@ void sst_livescene_close(struct sst_livescene *s);
  */
 SST_MUST_CHECK int sst_livescene_update(struct sst_livescene *s, struct sst_liveframes_changes *changes,
                                         const struct sst_live_input *in, struct sst_live_report *report);
+
+/** The rest of an update. @param report  of the update: network runs are added @return 0, -ECANCELED, -ENOMEM */
+SST_MUST_CHECK int sst_livescene_follow(struct sst_livescene *s, struct sst_live_report *report);
 
 /** As sst_live_tracks(). */
 int sst_livescene_tracks(const struct sst_livescene *s, struct sst_live_track out[SST_LIVE_TRACKS]);

@@ -317,12 +317,12 @@ struct sst_livescene {
     /* fixed after open */
     const struct sst_live_config *cfg;
     struct sst_lightfield *lf;
-    int threads, views, width, height;   /* half size */
-    int cols, rows, tiles;               /* of a view */
-    uint8_t *all;                        /* [tiles] of 1 */
-    struct scene_composer *composers;    /* [threads] */
-    struct sst_segmenter **segmenters;   /* [threads], the first one from the start; NULL: no model */
-    struct sst_runner_user *networks; /* that they run on; NULL: on the CPU */
+    int threads, views, width, height; /* half size */
+    int cols, rows, tiles;             /* of a view */
+    uint8_t *all;                      /* [tiles] of 1 */
+    struct scene_composer *composers;  /* [threads] */
+    struct sst_segmenter **segmenters; /* [threads], the first one from the start; NULL: no model */
+    struct sst_runner_user *networks;  /* that they run on; NULL: on the CPU */
     struct scene_background *background;
     int64_t *hist; /* [SST_DISP_BINS] */
     struct scene_candidates *candidates;
@@ -350,6 +350,7 @@ struct sst_livescene {
     int runs;                           /* runs of the network since the labels were fitted */
     int label_wait;                     /* sets until it may run again; 0: at once */
     int64_t t_ns, label_t_ns;           /* of the set; of the set in which the network ran last */
+    bool left;                          /* sst_livescene_follow() has something to do */
     int64_t maps_t_ns, late_t_ns;       /* of the set that the maps are of; of the last one without own maps, 0: none */
     struct sst_map_u16 labelled;        /* disparities of the reference key when its cells were labelled */
     uint8_t *dirty[SST_MAX_VIEWS];      /* [tiles] to compute in this set: 1, or SST_SCENE_AGAIN */
