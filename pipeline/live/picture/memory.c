@@ -145,7 +145,14 @@ static enum vote see(const struct merge *g, struct picture_pixel *p, uint8_t rgb
     return known ? VOTE_CHANGED : VOTE_NONE;
 }
 
-/* Fill holes with the colours on which rays agree at one disparity. */
+/* Does a pixel hold something that has not been there for long, as what moves or has just been uncovered? */
+static bool is_new(const struct picture_pixel *p)
+{
+    return p->seen_ms - p->since_ms < SETTLED_MS;
+}
+
+/* Fill holes with the colours on which rays agree at one disparity. In sets without maps pixels that the last maps
+ * showed are none, unless what they show is new: it may have moved since. */
 static void fill_behind(const struct merge *g, int y)
 {
     const struct picture_merge *in = g->in;
@@ -155,11 +162,13 @@ static void fill_behind(const struct merge *g, int y)
     uint8_t *weight = sst_map_u8_row(in->weight, y), *support = sst_map_u8_row(in->support, y);
     const uint8_t *red = sst_image_row(&b->image, 0, y), *green = sst_image_row(&b->image, 1, y),
                   *blue = sst_image_row(&b->image, 2, y);
-    const uint8_t *seen = b->late ? sst_map_u8_row(&b->seen, y) : weight; /* the memory has it */
+    const struct picture_pixel *pixel = g->m->pixel + (size_t)y * (size_t)g->m->width;
+    const uint8_t *seen = b->late ? sst_map_u8_row(&b->seen, y) : weight;
 
     for (int x = 0; x < g->m->width; x++) {
-        if (seen[x] >= PICTURE_SEEN_WEIGHT || !agreed[x] ||
-            agreed[x] < b->least[picture_behind_colour(red[x], green[x], blue[x])])
+        const bool has = seen[x] >= PICTURE_SEEN_WEIGHT && !(b->late && is_new(&pixel[x]));
+
+        if (has || !agreed[x] || agreed[x] < b->least[picture_behind_colour(red[x], green[x], blue[x])])
             continue;
         for (int c = 0; c < 3; c++)
             sst_image_row(in->image, c, y)[x] = sst_image_row(&b->image, c, y)[x];
@@ -335,7 +344,7 @@ static uint32_t lifetime_ms(const struct picture_merge *in, const struct picture
     const struct picture_behind *b = in->behind;
     const int at = b ? y / SST_RENDER_CELL_HEIGHT * b->cols + x / SST_RENDER_CELL_WIDTH : 0;
 
-    if (p->seen_ms - p->since_ms >= SETTLED_MS)
+    if (!is_new(p))
         return LONG_MS;
     return b ? MOVER_MS * (uint32_t)picture_behind_slowness(b, at) : MOVER_MS;
 }
@@ -402,7 +411,8 @@ static void remember_cell(const struct merge *g, int x0, int y0)
             }
             if (pixel[x].disp == SST_DISP_NONE)
                 continue;
-            if (seen && seen[x] >= PICTURE_SEEN_WEIGHT) { /* the next maps tell */
+            if (seen && seen[x] >= PICTURE_SEEN_WEIGHT &&
+                (!is_new(&pixel[x]) || !is_contradicted(g, &pixel[x], x, y))) { /* the next maps tell */
                 kind[x] = PICTURE_REMEMBERED;
                 show(in, &pixel[x], x, y);
                 continue;
