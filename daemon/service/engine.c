@@ -357,7 +357,7 @@ static bool process_set(struct live_engine *v, const struct sst_kept *kept, uint
     return !err;
 }
 
-/** Search and label what no picture of the set needs. */
+/** Search behind leaves, tracks and labels ahead: no picture of the set needs them. */
 static void finish_set(struct live_engine *v)
 {
     struct sst_live_report rest = { 0 };

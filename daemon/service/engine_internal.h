@@ -251,7 +251,7 @@ void engine_note_second_locked(struct live_engine *v, const struct sst_live_repo
 void engine_note_passed_locked(struct live_engine *v, uint64_t sets);
 /** Note the results of a set. @param wait_ns  from its trigger until it was processed */
 void engine_note_set_locked(struct live_engine *v, const struct sst_live_report *r, int64_t wait_ns);
-/** Count what followed the picture. @param r  of sst_live_follow() alone */
+/** Count the work that followed the picture. @param r  of sst_live_follow() alone */
 void engine_note_rest_locked(struct live_engine *v, const struct sst_live_report *r);
 /** Note ranges and focus, for the sliders of the page. Live thread. @param changed  disparities may have */
 void engine_note_scene(struct live_engine *v, bool changed);

@@ -96,7 +96,7 @@ static void set_zones(const struct sst_live *live, const double changed[SST_LIVE
     }
 }
 
-/* What no picture of the set needs. */
+/* Work that no picture of the set needs. */
 static int follow_scene(struct sst_live *live, struct sst_live_report *done)
 {
     struct sst_live_track track[SST_LIVE_TRACKS];

@@ -67,7 +67,7 @@ struct sst_live_input {
     int64_t t_ns;
     bool unseen;        /* no pictures are needed for now: the background thread does not start */
     bool crowded;       /* sets came that were left out: there is no processor time to spare */
-    bool picture_first; /* what its picture does not need is left to sst_live_follow() */
+    bool picture_first; /* work that its picture does not need is left to sst_live_follow() */
     struct {
         const uint8_t *data; /* NULL: missing; the view is not updated */
         size_t bytes, stride;

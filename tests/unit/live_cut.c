@@ -230,7 +230,7 @@ static void who_moves_behind_the_hedge_stays(void **state SST_UNUSED)
         live_cut_guard(s.live, NULL, 0, (40 + i) * SECOND);
     }
     assert_float_equal(sst_live_cut(s.live), alone, 1e-9);
-    assert_in_range(needed, 1, 75); /* sets whose picture waits for tracks: not most of them */
+    assert_in_range(needed, 1, 75); /* sets whose picture waits for tracks: less than half */
     hide(&s);
 }
 

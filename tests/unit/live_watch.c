@@ -140,7 +140,7 @@ static void a_passer_by_is_one_hidden_track(void **state)
     close_watch(&w);
 }
 
-/* The search follows the picture: it finds the same, and what is left out follows with the next set. */
+/* The search follows the picture: its tracks are the same; without sst_live_follow() they follow with the next set. */
 static void behind_the_picture_it_finds_the_same(void **state)
 {
     struct watch w, first, late;

@@ -93,7 +93,7 @@ static struct from find_source(const struct sst_liveframes *f, const struct live
     return from;
 }
 
-/* Add the source tiles of a block to its tile's; those without any have the tiles 0 .. -1. */
+/* Add the source tiles of a block to its tile's. */
 static void join(struct from *all, const struct from *one)
 {
     if (one->tile[2] <= one->tile[0])

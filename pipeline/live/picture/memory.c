@@ -145,14 +145,14 @@ static enum vote see(const struct merge *g, struct picture_pixel *p, uint8_t rgb
     return known ? VOTE_CHANGED : VOTE_NONE;
 }
 
-/* Does a pixel hold something that has not been there for long, as what moves or has just been uncovered? */
+/* Has a pixel's surface come lately, as people and the wall behind them do? */
 static bool is_new(const struct picture_pixel *p)
 {
     return p->seen_ms - p->since_ms < SETTLED_MS;
 }
 
-/* Fill holes with the colours on which rays agree at one disparity. In sets without maps pixels that the last maps
- * showed are none, unless what they show is new: it may have moved since. */
+/* Fill holes with the colours on which rays agree at one disparity. In sets without maps, pixels that the last maps
+ * showed are holes where their surface is new: it may have moved since. */
 static void fill_behind(const struct merge *g, int y)
 {
     const struct picture_merge *in = g->in;
