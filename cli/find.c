@@ -558,7 +558,7 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
         { "by", 0, CLI_STRING, &s.by, "WAY", "integral (default of one channel) or views (default of colour)", 0, 0,
           "integral views" },
         { "dark", 0, CLI_FLAG, &s.dark, NULL, "integral: lower levels than around are sought, not higher ones" },
-        { "threshold", 0, CLI_DOUBLE, &s.cfg.threshold, "T", "spreads; 4 by the integral, 7 by views, twice as many for several moments", 0.5, 1e3 },
+        { "threshold", 0, CLI_DOUBLE, &s.cfg.threshold, "T", "spreads; 4.5 by the integral, 7 by views, twice as many for several moments", 0.5, 1e3 },
         { "alarms", 0, CLI_DOUBLE, &s.cfg.alarms, "N", "... or the false finds a hectare that the background may make",
           1e-6, 1e6 },
         { "coverage", 0, CLI_DOUBLE, &s.cfg.coverage, "SHARE",

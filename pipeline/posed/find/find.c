@@ -14,7 +14,7 @@
 #include "pipeline/posed/find/find_internal.h"
 #include "pipeline/posed/picture.h"
 
-#define THRESHOLD_INTEGRAL 4.0
+#define THRESHOLD_INTEGRAL 4.5
 #define THRESHOLD_VIEWS    7.0
 #define THRESHOLD_PATHS    2.0 /* times these: the highest of many sums along paths */
 #define TAIL_FROM          1.5 /* spreads: peaks from here on, in two steps of TAIL_STEP, are the background's ... */
