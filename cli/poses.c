@@ -72,6 +72,9 @@ static json_t *result_json(const struct poses_run *run, int i)
     if (r->sharper > 0)
         json_object_update_new(json,
                                json_pack("{s:f, s:f}", "sharper", r->sharper, "ground_m", r->ground_mm / METRE_MM));
+    if (r->lens_gain > 0)
+        json_object_set_new(json, "lens", json_pack("{s:f, s:f, s:f}", "given_focal_px", r->lens_focal_px, "k1", r->lens_k1,
+                                                    "sharper", r->lens_gain));
     return json;
 }
 
@@ -136,6 +139,9 @@ static void print_text(const struct poses_run *run, int i, bool refine)
                "it, or --lens\n",
                r->free_focal_px, 100 * fabs(r->free_focal_px / r->focal_px - 1),
                r->free_focal_px > r->focal_px ? "more" : "less");
+    if (r->lens_gain > 0)
+        printf("  one lens for all views by warm places: focal length %.1f px in place of %.1f px, k1 %+.3f before the views' own; "
+               "%.2f times as sharp as without; --keep-lens leaves it\n", r->focal_px, r->lens_focal_px, r->lens_k1, r->lens_gain);
     if (r->sharper > 0)
         printf("  %.2f times as sharp as with the given poses, on a ground %.2f %s in front of the middle view\n",
                r->sharper, r->ground_mm / METRE_MM, posed->metric ? "m" : "(unit unknown)");
@@ -257,6 +263,8 @@ static int check(const struct cli_command *cmd, const struct poses_run *run, con
         return cli_usage_error(cmd, "--refine keeps the unit of given poses; it does not go with --spacing or --with");
     if (cfg->search_focal && (cfg->refine || with))
         return cli_usage_error(cmd, "--focal 0 searches the focal length; it does not go with --refine or --with");
+    if (cfg->keep_lens && (cfg->free_lens || !cfg->refine))
+        return cli_usage_error(cmd, "--keep-lens is for --refine and does not go with --lens");
     if (!cfg->refine && (cfg->sigma_position_mm > 0 || cfg->sigma_angle_deg > 0))
         return cli_usage_error(cmd, "--sigma-position and --sigma-angle are of given poses, with --refine");
     return CLI_GO_ON;
@@ -294,6 +302,8 @@ static int run(const struct cli_command *cmd, int argc, char **argv)
           "focal length of all views; 0: searched; default: the views' own, else searched", 0, 1e7 },
         { "lens", 0, CLI_FLAG, &cfg.free_lens, NULL,
           "adjust focal length and k1; views' own lenses are the start, and keep their other coefficients" },
+        { "keep-lens", 0, CLI_FLAG, &cfg.keep_lens, NULL,
+          "with --refine: leave lenses as they are, where warm places of a flight show another one" },
         { "spacing", 0, CLI_DOUBLE, &cfg.spacing_mm, "MM",
           "mean distance of neighbours on a line, else in the order of names", 1e-3, 1e9 },
         { "one-rig", 0, CLI_FLAG, &cfg.one_rig, NULL, "the light fields, or the moments of one, are of one array" },

@@ -80,6 +80,9 @@ SST_MUST_CHECK int sst_calib_write(const struct sst_calib *calib, const char *pa
 /** Lens alone: (a, b) = (P.x, P.y) / P.z to pixels. Always defined. */
 void sst_camera_distort(const struct sst_calib_camera *cam, double a, double b, double *x, double *y);
 
+/** Put s (a, b) (1 + k1 r2) before a lens, s a factor of its focal length; terms beyond r2^3 are left out. */
+void sst_camera_adjust(struct sst_calib_camera *cam, double s, double k1);
+
 /** Pixels to (a, b), Newton's method to 1e-12. @return false: no point projects there, the lens folds over before it */
 SST_MUST_CHECK bool sst_camera_undistort(const struct sst_calib_camera *cam, double x, double y, double *a, double *b);
 

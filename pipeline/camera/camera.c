@@ -43,6 +43,33 @@ void sst_camera_distort(const struct sst_calib_camera *cam, double a, double b, 
     *y = cam->fy * d[1] + cam->cy;
 }
 
+/* Coefficients c of r2, r2^2, r2^3 where r becomes s r (1 + k1 r2), to r2^3. */
+static void substitute(double c[3], double s, double k1)
+{
+    const double s2 = s * s, a = c[0] * s2, b = c[1] * s2 * s2;
+
+    c[2] = c[2] * s2 * s2 * s2 + 4 * k1 * b + k1 * k1 * a;
+    c[1] = b + 2 * k1 * a;
+    c[0] = a;
+}
+
+void sst_camera_adjust(struct sst_calib_camera *cam, double s, double k1)
+{
+    double above[3] = { cam->k[0], cam->k[1], cam->k[4] };
+
+    cam->fx *= s;
+    cam->fy *= s;
+    substitute(above, s, k1);
+    substitute(cam->k + 5, s, k1);
+    cam->k[0] = above[0] + k1;
+    cam->k[1] = above[1] + k1 * above[0];
+    cam->k[4] = above[2] + k1 * above[1];
+    cam->k[2] *= s;
+    cam->k[3] *= s;
+    if (k1 != 0 && !cam->lens)
+        cam->lens = 5;
+}
+
 bool sst_camera_undistort(const struct sst_calib_camera *cam, double x, double y, double *a, double *b)
 {
     const double u = (x - cam->cx) / cam->fx, v = (y - cam->cy) / cam->fy;

@@ -116,4 +116,34 @@ SST_MUST_CHECK int find_local_scores(struct sst_deep *out, const struct sst_deep
  * then smoothed. @param reach  px of the means; 0: none */
 SST_MUST_CHECK int find_colour_scores(struct sst_deep *out, const struct sst_deep *picture, int reach);
 
+/* --- one lens of all views, by places on a plane --------------------------------------------------------------------- */
+
+struct lens_sight {
+    int view, place;
+    double x, y;   /* px */
+    double weight; /* 0 to 1 */
+};
+
+/** Views that see places on a plane, and the fit. */
+struct lens_fit {
+    int views, places, sights;
+    struct sst_calib_camera *camera; /* [views] in and out: rotations. Lenses stay */
+    const double (*given)[9];        /* [views] rotations of the prior */
+    double sigma_rad;                /* of each axis of these */
+    double (*place_mm)[3];           /* [places] in and out */
+    const struct lens_sight *sight;  /* [sights] */
+    double normal[3], across[2][3];  /* of the plane, unit vectors */
+    bool free_lens;                  /* k1 and the focal length, or where the plane moves, its distance in its place */
+    bool plane_moves;
+
+    double focal, k1; /* in and out: the lens before each view's own, as sst_camera_adjust() */
+    double raise_mm;  /* out: of the plane, along its normal */
+    double chi2;      /* out: of the lens against none, in squares of standard errors, which views and places show */
+    double median_px; /* out: of the sights */
+};
+
+/** Fit rotations, places and the lens to the sights, by a robust loss of 1 px. @return 0, -EDOM (they do not fit),
+ * -ENOMEM; not logged */
+SST_MUST_CHECK int lens_fit(struct lens_fit *fit);
+
 #endif

@@ -8,6 +8,7 @@
 
 struct sst_sharpen_config {
     double sigma_angle_deg; /* of each view's rotation, about the axes across its direction; 0: 0.5 */
+    bool keep_lens;         /* lenses stay as they are */
     bool look;              /* only compute the sharpness of the poses as they are */
     int threads;
 };
@@ -16,14 +17,18 @@ struct sst_sharpened {
     double before, after; /* sharpness: mean product of two views' scores where both look, on the sharpest plane */
     double distance_mm;   /* of the sharpest plane along the middle view's axis */
     int moved;            /* views with a changed rotation */
+    double focal,
+        k1; /* the lens that was put before all views' own, as sst_camera_adjust(): focal is a factor; 1, 0: none */
+    double lens_gain; /* ratio of sharpness with and without it; 0: lenses are as they were */
 };
 
 /**
  * Refine rotations by warm places: the scores of each view above 1.5 spreads are
  * registered with the other views on a plane, which is found, too. A view keeps its pose unless its agreement
- * with the others rises significantly, and all do unless the sharpness rises.
+ * with the others rises significantly, and all do unless the sharpness rises. One lens is fitted to all views, too, and
+ * kept where warm places show it beyond doubt and the ground is sharper with it.
  *
- * @param posed  in and out; positions and lenses stay
+ * @param posed  in and out; positions stay
  * @return 0, also where nothing is improved, -ENODATA (fewer than three views are placed, or they agree on no plane;
  * not logged), -ENOMEM, or as sst_posed_picture(); logged
  */

@@ -129,34 +129,6 @@ static void to_world(const struct world *w, const double in[3], double out[3])
         out[i] = out[i] * w->unit + w->to[i];
 }
 
-/* Coefficients c of r2, r2^2, r2^3 where r becomes s r (1 + k1 r2), to r2^3. */
-static void substitute(double c[3], double s, double k1)
-{
-    const double s2 = s * s, a = c[0] * s2, b = c[1] * s2 * s2;
-
-    c[2] = c[2] * s2 * s2 * s2 + 4 * k1 * b + k1 * k1 * a;
-    c[1] = b + 2 * k1 * a;
-    c[0] = a;
-}
-
-/* Lens after the adjusted one: s (a, b) (1 + k1 r2), s the factor of the focal length, then the view's own. */
-static void adjust_lens(struct sst_calib_camera *cam, double s, double k1)
-{
-    double above[3] = { cam->k[0], cam->k[1], cam->k[4] };
-
-    cam->fx *= s;
-    cam->fy *= s;
-    substitute(above, s, k1);
-    substitute(cam->k + 5, s, k1);
-    cam->k[0] = above[0] + k1;
-    cam->k[1] = above[1] + k1 * above[0];
-    cam->k[4] = above[2] + k1 * above[1];
-    cam->k[2] *= s;
-    cam->k[3] *= s;
-    if (k1 != 0 && !cam->lens)
-        cam->lens = 5;
-}
-
 /* Place the views of the light field. @param refined  others stay where they were given */
 static void write_views(struct poses_scene *scene, const struct world *w, bool refined)
 {
@@ -165,7 +137,7 @@ static void write_views(struct poses_scene *scene, const struct world *w, bool r
         double rotation[9];
 
         if (scene->lenses) {
-            adjust_lens(cam, scene->model.focal / scene->focal, scene->model.k1);
+            sst_camera_adjust(cam, scene->model.focal / scene->focal, scene->model.k1);
         } else {
             cam->fx = cam->fy = scene->model.focal;
             cam->cx = scene->middle[k][0];

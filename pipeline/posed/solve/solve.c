@@ -11,6 +11,7 @@
 
 #include "base/log.h"
 #include "base/stats.h"
+#include "base/text.h"
 #include "base/thread.h"
 #include "pipeline/posed/find/sharpen.h"
 #include "pipeline/posed/solve/solve_internal.h"
@@ -202,6 +203,20 @@ static int copy_posed(struct sst_posed *out, const struct sst_posed *in)
     return 0;
 }
 
+/* Every view gets the pinhole that the user gives, as features take it. */
+static void take_focal(struct sst_posed *posed, double focal_px)
+{
+    for (int k = 0; k < posed->count && focal_px > 0; k++) {
+        struct sst_calib_camera *cam = &posed->view[k].camera;
+
+        cam->fx = cam->fy = focal_px;
+        cam->cx = (posed->width - 1) / 2.0;
+        cam->cy = (posed->height - 1) / 2.0;
+        cam->lens = 0;
+        memset(cam->k, 0, sizeof(cam->k));
+    }
+}
+
 /* Are views tilted against the given ones by more than these may be off? Few matches let flights bend like that. */
 static bool is_bent(const struct sst_posed *posed, const struct sst_posed *given, double sigma_deg)
 {
@@ -229,9 +244,16 @@ static int take_sharpened(struct sst_posed *posed, struct sst_posed *sharp, cons
     sst_posed_solved_fini(solved);
     snprintf(sharp->history, sizeof(sharp->history), "refined %d of %d views by warm places: %.2f times as sharp",
              by->moved, sharp->count, by->after / by->before);
+    if (by->lens_gain > 0)
+        sst_text_add(sharp->history, sizeof(sharp->history), ", lens by factor %.4f, k1 %+.4f", by->focal, by->k1);
     err = sst_posed_judge(sharp, solved);
     if (err)
         return err;
+    if (by->lens_gain > 0) {
+        solved->lens_gain = by->lens_gain;
+        solved->lens_focal_px = solved->focal_px / by->focal;
+        solved->lens_k1 = by->k1;
+    }
     solved->sharper = by->after / by->before;
     solved->ground_mm = by->distance_mm;
     *posed = *sharp;
@@ -245,7 +267,9 @@ static int take_sharpened(struct sst_posed *posed, struct sst_posed *sharp, cons
 static int sharpen(struct sst_posed *const both[2], const char *dir, const struct sst_posed_solve_config *cfg,
                    struct sst_posed_solved *solved, int err)
 {
-    struct sst_sharpen_config how = { .sigma_angle_deg = cfg->sigma_angle_deg, .threads = cfg->threads };
+    struct sst_sharpen_config how = { .sigma_angle_deg = cfg->sigma_angle_deg,
+                                      .keep_lens = cfg->keep_lens,
+                                      .threads = cfg->threads };
     const bool bent = !err && is_bent(both[0], both[1], cfg->sigma_angle_deg);
     struct sst_sharpened own, features = { 0 };
     int r = sst_posed_sharpen(both[1], dir, &how, &own);
@@ -272,6 +296,7 @@ int sst_posed_solve(struct sst_posed *posed, const char *const *dir, int count,
     err = copy_posed(&given, posed);
     if (err)
         return err;
+    take_focal(&given, cfg->focal_px);
     err = solve(posed, dir, count, cfg, solved);
     if (!err || (err == -EDOM && sst_posed_placed(&given) > 1)) {
         r = sharpen((struct sst_posed *const[]){ posed, &given }, dir[0], cfg, solved, err);

@@ -10,6 +10,7 @@ struct sst_posed_solve_config {
     double focal_px;          /* of every view; 0: of the views' lenses, else it is searched */
     bool search_focal;        /* the views' lenses count for nothing */
     bool free_lens;           /* focal length and k1, shared, are adjusted */
+    bool keep_lens;           /* lenses stay, although warm places show others */
     bool refine;              /* start from the given poses, which are priors, in place of none */
     double sigma_position_mm; /* of given positions; 0: a tenth of the mean distance of neighbours */
     double sigma_angle_deg;   /* of given rotations; 0: 2 */
@@ -31,7 +32,9 @@ struct sst_posed_solved {
     bool *doubtful;           /* [views] placed, but not plausibly: its neighbours' distances or directions differ */
     double *view_px;          /* [views] median residual; NAN: not placed */
     double sharper;           /* ratio of sharpness after and before, where warm places refined poses; else 0 */
-    double ground_mm;         /* distance of the plane on which they are sharp, along the middle view's axis */
+    double lens_gain; /* ratio of sharpness with and without a lens that warm places show; 0: lenses are as they were */
+    double lens_focal_px, lens_k1; /* of the first placed view before, and k1 of the lens before the view's own */
+    double ground_mm;              /* distance of the plane on which they are sharp, along the middle view's axis */
 };
 
 void sst_posed_solved_fini(struct sst_posed_solved *solved);
