@@ -390,7 +390,7 @@ static int finish(struct sst_posed_rendered *out, const struct weighted *sums, c
     err = err ? err : sst_parallel_for(height, sums->threads, start_row, &f);
     if (!err && j->cfg->method == SST_POSED_CLEAR)
         err =
-            specks_remove(&f.rays, (const float[2]){ (float)KNOWN_LO, (float)KNOWN_HI }, LAYER_WINDOW * j->greys.step);
+            specks_remove(&f.rays, &f.plain, (const float[2]){ (float)KNOWN_LO, (float)KNOWN_HI }, LAYER_WINDOW * j->greys.step);
     out->seen = !err && posed_any(&out->views);
     err = err ? err : posed_stretch(&out->stretch, &f.plain, &out->views);
     err = err ? err : sst_deep_init(&out->levels, width, height, sums->channels, white);

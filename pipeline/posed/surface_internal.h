@@ -271,7 +271,8 @@ SST_MUST_CHECK int render_weighted(struct sst_posed_rendered *out, const struct 
 /* --- specks -------------------------------------------------------------------------------------------------------- */
 
 /* Remove what windows of `window_px` cannot show, regions of half of a window's area at most: regions of
- * more than limits[0] rays get none, enclosed ones of limits[1] rays at most get limits[1]. @return 0, -ENOMEM */
-SST_MUST_CHECK int specks_remove(struct sst_map_f32 *rays, const float limits[2], int window_px);
+ * more than limits[0] rays get none, enclosed ones of limits[1] rays at most get limits[1]. Saturated ones, which have no
+ * texture to correlate, may be four times as large. @param levels  mean of all views @return 0, -ENOMEM */
+SST_MUST_CHECK int specks_remove(struct sst_map_f32 *rays, const struct sst_deep *levels, const float limits[2], int window_px);
 
 #endif

@@ -283,23 +283,29 @@ static void specks_and_dots_go(void **state SST_UNUSED)
         { 5, 1, 3, 3, 5, 5 },      /* 9 px */
         { 12, 12, 12, 12, 5, 5 },  /* a surface at the border, with */
         { 14, 14, 2, 2, 0, 2 },    /* a dot, */
-        { 18, 14, 3, 3, 0, 0 },    /* a hole, and */
+        { 18, 14, 3, 3, 0, 0 },    /* a hole, */
+        { 14, 18, 3, 3, 0, 2 },    /* a saturated one, and */
         { 23, 20, 1, 2, 0, 0 },    /* a dot at the border */
     };
     struct sst_map_f32 rays;
+    struct sst_deep levels;
 
     assert_int_equal(sst_map_f32_init(&rays, SIDE, SIDE), 0);
+    assert_int_equal(sst_deep_init(&levels, SIDE, SIDE, 1, 255), 0);
+    for (int i = 0; i < 9; i++)
+        sst_map_u16_row(&levels.plane[0], 18 + i / 3)[14 + i % 3] = 230;
     for (size_t i = 0; i < ARRAY_LEN(part); i++) {
         for (int k = 0; k < part[i].width * part[i].height; k++)
             sst_map_f32_row(&rays, part[i].y + k / part[i].width)[part[i].x + k % part[i].width] = part[i].rays;
     }
-    assert_int_equal(specks_remove(&rays, (const float[2]){ 0.8f, 2 }, 4), 0);
+    assert_int_equal(specks_remove(&rays, &levels, (const float[2]){ 0.8f, 2 }, 4), 0);
     for (size_t i = 0; i < ARRAY_LEN(part); i++) {
         const float got = sst_map_f32_row(&rays, part[i].y)[part[i].x];
 
         if (got != part[i].want)
             fail_msg("part %zu: %.1f rays", i, (double)got);
     }
+    sst_deep_fini(&levels);
     sst_map_f32_fini(&rays);
 }
 
