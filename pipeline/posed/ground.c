@@ -12,37 +12,39 @@
 #include "base/stats.h"
 #include "pipeline/posed/correlation_internal.h"
 
-#define VIEWS      10
-#define WIDTH_PX   512   /* of the compared pictures, about */
-#define RATIO      1.03  /* of the distances of neighbouring planes */
-#define BEHIND     1.6   /* a peak's share over the least one behind it */
-#define LEAST_PX   100 /* ... and pixels above the mean behind it, in a wide sweep: patches of chance are smaller */
-#define BEFORE     1.3   /* and over the least one before it, up to a higher one */
-#define LEAST_FOUR 0.001 /* of the pixels */
-#define NEAREST    0.7   /* of the 2nd and 98th of 100 points: the sweep's limits */
-#define FARTHEST   1.6
-#define WIDE       20  /* farthest limit over the nearest one: planes behind the ground are many */
+#define VIEWS       10
+#define WIDTH_PX    512   /* of the compared pictures, about */
+#define RATIO       1.03  /* of the distances of neighbouring planes */
+#define BEHIND      1.6   /* a peak's share over the least one behind it */
+#define LEAST_PX    100   /* ... and pixels above the mean behind it, in a wide sweep: patches of chance are smaller */
+#define BEFORE      1.3   /* and over the least one before it, up to a higher one */
+#define LEAST_FOUR  0.001 /* of the pixels */
+#define NEAREST     0.7   /* of the 2nd and 98th of 100 points: the sweep's limits */
+#define FARTHEST    1.6
+#define WIDE        20   /* farthest limit over the nearest one: planes behind the ground are many */
 #define OVERLAPPING 0.7  /* of a picture's side: shift of the nearest view at the nearest distance */
 #define LITTLE      0.03 /* ... and of the farthest compared view at the farthest */
-#define SCAN       0.01  /* distances around the peak, relative */
-#define SCANS      5     /* to both sides */
-#define TILT       0.1   /* tangent: the first step of refinement */
-#define STEEPEST   0.6   /* tangent */
-#define USUAL_TILT 0.4   /* tangent: the spread of grounds' slopes, which tilts are weighed by */
-#define WEAK_TILT  0.07  /* ... where few patches decide */
-#define CLEAR_PEAK 0.33  /* of correlation above that around, in the latter, ... */
-#define LEAST_PEAK 0.002 /* ... and at least: else agreement decides */
-#define ROUNDS     6     /* of steps, each half as large as before */
+#define TOLD_PX     1.0 /* shift of that view at the end of a second sweep, in compared pixels: beyond, nothing is told */
+#define VAGUE       0.03  /* of the distance: a compared pixel of parallax, of which users are warned */
+#define SCAN        0.01  /* distances around the peak, relative */
+#define SCANS       5     /* to both sides */
+#define TILT        0.1   /* tangent: the first step of refinement */
+#define STEEPEST    0.6   /* tangent */
+#define USUAL_TILT  0.4   /* tangent: the spread of grounds' slopes, which tilts are weighed by */
+#define WEAK_TILT   0.07  /* ... where few patches decide */
+#define CLEAR_PEAK  0.33  /* of correlation above that around, in the latter, ... */
+#define LEAST_PEAK  0.002 /* ... and at least: else agreement decides */
+#define ROUNDS      6     /* of steps, each half as large as before */
 
 struct search {
     const struct sst_virtual *camera;
     struct agree agree;
     struct correlation correlation;
-    bool weak; /* the correlation has no clear peak: agreement decides */
-    double around, around_slope; /* correlation of planes around the ground, by distance */
+    bool weak;                      /* the correlation has no clear peak: agreement decides */
+    double around, around_slope;    /* correlation of planes around the ground, by distance */
     double normal[3], across[2][3]; /* of the sweep's planes, and level axes */
     double along;                   /* of the camera's axis against the normal: negative */
-    const SST_ATOMIC(bool) *canceled;
+    const SST_ATOMIC(bool) * canceled;
 };
 
 static int agree_at(struct agree_tally *tally, struct search *s, const struct sst_surface *plane)
@@ -66,8 +68,8 @@ static struct sst_surface plane_at(const struct search *s, double distance_mm, c
  */
 
 /* Without points: from where the nearest views begin to overlap to where the baseline of the compared ones shifts
- * a picture by little. */
-static void limits_of_baselines(double range[2], const struct sst_posed *posed, const struct sst_virtual *camera)
+ * a picture by little. @return the farthest compared view's distance, mm; 0: views are at one place */
+static double limits_of_baselines(double range[2], const struct sst_posed *posed, const struct sst_virtual *camera)
 {
     const double side = sst_min_int(camera->width, camera->height) / camera->fx;
     double least[VIEWS + 1], apart[3]; /* distances from the camera, ascending */
@@ -89,18 +91,21 @@ static void limits_of_baselines(double range[2], const struct sst_posed *posed, 
         least[at] = mm;
     }
     if (n < 2)
-        return;
+        return 0;
     range[0] = range[0] > 0 ? range[0] : least[0] / (OVERLAPPING * side);
     range[1] = range[1] > 0 ? range[1] : least[n - 1] / (LITTLE * side);
+    return least[n - 1];
 }
 
-static int limits(double range[2], const struct sst_posed *posed, const struct sst_virtual *camera,
+/* @param baseline_mm  out: that limits are by; 0: they are not */
+static int limits(double range[2], double *baseline_mm, const struct sst_posed *posed, const struct sst_virtual *camera,
                   const struct sst_ground_config *cfg)
 {
     double *depth = NULL;
     const char *by;
     int n = 0;
 
+    *baseline_mm = 0;
     range[0] = cfg->near_mm;
     range[1] = cfg->far_mm;
     if (range[0] > 0 && range[1] > range[0])
@@ -125,15 +130,16 @@ static int limits(double range[2], const struct sst_posed *posed, const struct s
     }
     free(depth);
     if (n < 10)
-        limits_of_baselines(range, posed, camera);
+        *baseline_mm = limits_of_baselines(range, posed, camera);
     by = n < 10 ? "the distances of views" : "the points of the scene";
     if (range[0] > 0 && range[1] > range[0]) {
         sst_log_info("the ground is sought from %.2f to %.2f m, limits by %s", range[0] * 1e-3, range[1] * 1e-3, by);
         return 0;
     }
-    sst_log_error("%s leave no distances between which the ground is sought (from %.2f to %.2f m): give both --near and "
-                  "--far, such as two thirds and one and a half of the height, or --surface plane:Z",
-                  by, range[0] * 1e-3, range[1] * 1e-3);
+    sst_log_error(
+        "%s leave no distances between which the ground is sought (from %.2f to %.2f m): give both --near and "
+        "--far, such as two thirds and one and a half of the height, or --surface plane:Z",
+        by, range[0] * 1e-3, range[1] * 1e-3);
     return -EINVAL;
 }
 
@@ -167,7 +173,8 @@ static int sweep(struct sst_posed_ground *out, struct search *s, const double ra
 }
 
 /* The farthest peak that stands out from the least share behind it, and from the least one between it and any higher
- * peak before it. Far behind the ground chance makes the least share small: in a wide sweep the mean one counts as well.
+ * peak before it. Far behind the ground chance makes the least share small: in a wide sweep the mean one counts as
+ * well.
  * @param wide_px  pixels of the compared pictures; 0: the sweep is not wide @return -1: none */
 static int farthest_peak(const struct sst_posed_ground *g, double wide_px)
 {
@@ -225,8 +232,8 @@ static int try_plane(double *score, struct search *s, const double trial[3])
     return err;
 }
 
-/* The best distance around the sweep's peak. @return 0 (the best is inside, and `best` its score, or there is no peak, and
- * 0), or an error */
+/* The best distance around the sweep's peak. @return 0 (the best is inside, and `best` its score, or there is no peak,
+ * and 0), or an error */
 static int scan(double at[3], double *best, struct search *s)
 {
     const double first = at[0];
@@ -240,7 +247,8 @@ static int scan(double at[3], double *best, struct search *s)
     s->around_slope = s->weak ? 0 : (value[2 * SCANS] - value[0]) / (2 * SCANS * SCAN * first);
     s->around = s->weak ? 0 : (value[2 * SCANS] + value[0]) / 2 - s->around_slope * first;
     for (int i = 1; i < 2 * SCANS; i++) {
-        const double distance = first * (1 + SCAN * (i - SCANS)), score = value[i] - s->around - s->around_slope * distance;
+        const double distance = first * (1 + SCAN * (i - SCANS)),
+                     score = value[i] - s->around - s->around_slope * distance;
 
         if (score > *best) {
             *best = score;
@@ -250,8 +258,8 @@ static int scan(double at[3], double *best, struct search *s)
     return 0;
 }
 
-/* Distances around the sweep's peak, then steps of distance and of both tilts, smaller in every round; a step that gains
- * is repeated. Agreement counts few places; correlation sums all, and fixes the tilt as well. */
+/* Distances around the sweep's peak, then steps of distance and of both tilts, smaller in every round; a step that
+ * gains is repeated. Agreement counts few places; correlation sums all, and fixes the tilt as well. */
 static int refine(struct sst_posed_ground *out, struct search *s, bool level)
 {
     const double first = out->at_mm[out->chosen];
@@ -303,6 +311,52 @@ static void choose_axes(struct search *s, const struct sst_posed *posed)
     vector_cross(s->across[1], s->normal, s->across[0]);
 }
 
+static void choose_peak(struct sst_posed_ground *g, const struct sst_virtual *small, const double range[2])
+{
+    g->chosen = farthest_peak(g, range[1] > WIDE * range[0] ? (double)small->width * small->height : 0);
+}
+
+/* Views that are near each other, as of a drone that hovers: farther planes, as far as parallax tells any. */
+static int sweep_farther(struct sst_posed_ground *g, struct search *s, const struct sst_virtual *small, double range[2],
+                         double baseline_mm)
+{
+    int err;
+
+    range[0] = range[1] / 2;
+    range[1] = baseline_mm * small->fx / TOLD_PX;
+    if (!(range[1] > range[0]))
+        return 0;
+    sst_log_info(
+        "views agree on no plane there: the ground is sought from %.2f to %.2f m, where views %.2f m apart shift "
+        "the picture by %.0f px",
+        range[0] * 1e-3, range[1] * 1e-3, baseline_mm * 1e-3, TOLD_PX);
+    err = sweep(g, s, range);
+    if (!err)
+        choose_peak(g, small, range);
+    return err;
+}
+
+/* Warn where a pixel of parallax is much of the distance. */
+static void warn_if_vague(const struct sst_posed_ground *g, const char *dir, const struct sst_virtual *small,
+                          const struct greys *greys)
+{
+    double apart = 0;
+
+    for (int k = 0; k < greys->count; k++) {
+        double v[3];
+
+        for (int i = 0; i < 3; i++)
+            v[i] = greys->camera[k].position_mm[i] - small->centre_mm[i];
+        apart = fmax(apart, vector_length(v));
+    }
+    if (apart * small->fx * VAGUE < g->distance_mm)
+        sst_log_warning(
+            "%s: the ground at %.1f m is vague: views are %.2f m apart at most, and a pixel of parallax of the "
+            "compared pictures is %.1f m there; leaves that near count as ground; give --surface plane:Z, or "
+            "views farther apart",
+            dir, g->distance_mm * 1e-3, apart * 1e-3, g->distance_mm * g->distance_mm / (apart * small->fx) * 1e-3);
+}
+
 int sst_posed_ground(struct sst_posed_ground *out, const struct sst_posed *posed, const char *dir,
                      const struct sst_virtual *camera, const struct sst_ground_config *cfg)
 {
@@ -311,16 +365,18 @@ int sst_posed_ground(struct sst_posed_ground *out, const struct sst_posed *posed
     struct sst_posed_ground g = { .chosen = -1 };
     struct search s = { .camera = camera, .canceled = cfg->canceled };
     struct greys greys = { .step = step };
-    double range[2];
+    double range[2], baseline;
     const int placed = sst_posed_placed(posed);
     int view[VIEWS], err;
 
     if (placed < 3) {
         sst_log_error("%s: the ground is found by three placed views at least; there %s; give --surface plane:Z", dir,
-                      placed == 1 ? "is 1" : placed ? "are 2" : "is none");
+                      placed == 1 ? "is 1"
+                      : placed    ? "are 2"
+                                  : "is none");
         return -ENODATA;
     }
-    err = limits(range, posed, camera, cfg);
+    err = limits(range, &baseline, posed, camera, cfg);
     if (err)
         return err;
     g.views = greys_choose(view, VIEWS, posed, camera, sqrt(range[0] * range[1]));
@@ -342,8 +398,11 @@ int sst_posed_ground(struct sst_posed_ground *out, const struct sst_posed *posed
 
         err = agree_init(&s.agree, &small, &first, &greys, cfg->threads);
         err = err ? err : sweep(&g, &s, range);
+        if (!err)
+            choose_peak(&g, &small, range);
+        if (!err && g.chosen < 0 && baseline > 0)
+            err = sweep_farther(&g, &s, &small, range, baseline);
         if (!err) {
-            g.chosen = farthest_peak(&g, range[1] > WIDE * range[0] ? (double)small.width * small.height : 0);
             err = g.chosen < 0 ? -ENODATA : correlation_init(&s.correlation, &small, &first, &greys, cfg->threads);
         }
         if (!err)
@@ -357,6 +416,8 @@ int sst_posed_ground(struct sst_posed_ground *out, const struct sst_posed *posed
                           "--near and --far",
                           dir, range[0] * 1e-3, range[1] * 1e-3);
     }
+    if (!err)
+        warn_if_vague(&g, dir, &small, &greys);
     greys_fini(&greys);
     if (!err)
         *out = g;

@@ -60,8 +60,9 @@ static double leaf_level(double x_mm, double y_mm)
     return 18000 + 2500 * noise(x_mm, y_mm, 160, 4);
 }
 
-/* Pictures of the forest as a folder; the camera's axes are the world's. @param slope  of the floor along y */
-static void make_forest(struct sst_posed *posed, const char *dir, double cover, double slope)
+/* Pictures of the forest as a folder; the camera's axes are the world's. @param slope  of the floor along y
+ * @param apart  distances of the views, in usual ones */
+static void make_apart(struct sst_posed *posed, const char *dir, double cover, double slope, double apart)
 {
     const int width = WIDTH, height = HEIGHT;
     struct sst_outdir out;
@@ -89,7 +90,7 @@ static void make_forest(struct sst_posed *posed, const char *dir, double cover, 
                                                .cx = (width - 1) / 2.0,
                                                .cy = (height - 1) / 2.0,
                                                .rotation = { 1, 0, 0, 0, 1, 0, 0, 0, 1 },
-                                               .position_mm = { 700.0 * (k - 4), 60.0 * (k % 2), 50.0 * (k % 3) },
+                                               .position_mm = { apart * 700 * (k - 4), apart * 60 * (k % 2), apart * 50 * (k % 3) },
                                                .gain = { 1, 1, 1 } };
         assert_int_equal(sst_deep_init(&deep, width, height, 1, 65535), 0);
         for (int i = 0; i < width * height; i++) {
@@ -109,6 +110,35 @@ static void make_forest(struct sst_posed *posed, const char *dir, double cover, 
     assert_int_equal(sst_outdir_end(&out, 0), 0);
     sst_posed_fini(posed);
     assert_int_equal(sst_posed_load(posed, dir), 0);
+}
+
+static void make_forest(struct sst_posed *posed, const char *dir, double cover, double slope)
+{
+    make_apart(posed, dir, cover, slope, 1);
+}
+
+/* Views of a drone that hovers over open ground, whose limits by baselines end before it: it is found within a pixel of
+ * parallax, 2 to 3 m, or not at all. */
+static void hovering(void **state SST_UNUSED)
+{
+    static const double apart[] = { 0.3, 0.2, 0.05 };
+    const struct sst_ground_config none = { 0 };
+    struct sst_posed posed;
+    struct sst_virtual camera;
+    struct sst_posed_ground ground;
+
+    for (size_t i = 0; i < ARRAY_LEN(apart); i++) {
+        int err;
+
+        make_apart(&posed, test_path("hover.lf"), 0, 0, apart[i]);
+        camera = sst_virtual_of_view(&posed, 4);
+        err = sst_posed_ground(&ground, &posed, test_path("hover.lf"), &camera, &none);
+        if (small_level() ? err && err != -ENODATA : err != (apart[i] < 0.1 ? -ENODATA : 0))
+            fail_msg("%.2f apart: error %d", apart[i], err);
+        if (!small_level() && !err && fabs(ground.distance_mm - FLOOR) > 2000)
+            fail_msg("%.2f apart: ground at %.0f mm", apart[i], ground.distance_mm);
+        sst_posed_fini(&posed);
+    }
 }
 
 static void ground_is_behind_the_leaves(void **state SST_UNUSED)
@@ -367,6 +397,7 @@ int main(void)
         serial_test(slopes_are_found),
         cmocka_unit_test(terrain_of_utm_is_in_the_axes_of_the_light_field),
         cmocka_unit_test(clear_pictures_show_the_floor),
+        cmocka_unit_test(hovering),
         cmocka_unit_test(specks_and_dots_go),
         cmocka_unit_test(the_nearest_views_are_chosen),
         cmocka_unit_test(sides_are_checked),
