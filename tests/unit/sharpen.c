@@ -244,7 +244,7 @@ static void behind(void **state SST_UNUSED)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        thread_test(wrong_lens),       cmocka_unit_test(right_lens), cmocka_unit_test(few_places),
+        serial_test(wrong_lens),       cmocka_unit_test(right_lens), cmocka_unit_test(few_places),
         cmocka_unit_test(given_focal), cmocka_unit_test(behind),
     };
 
