@@ -109,7 +109,7 @@ int cli_process_describe(struct cli_processed *c)
 /* Skips of the preset, unless the list says otherwise. */
 static int read_skips(const struct cli_command *cmd, const char *list, struct sst_process_config *cfg)
 {
-    bool keys = cfg->disparity.key_spacing > 1;
+    bool keys = cfg->disparity.key_spacing > 1 && !cfg->disparity.keys_in_texture;
     const struct cli_skip skips[] = { { "keys", &keys },
                                       { "ranges", &cfg->disparity.skip_ranges },
                                       { "hypotheses", &cfg->disparity.skip_hypotheses },
@@ -118,10 +118,10 @@ static int read_skips(const struct cli_command *cmd, const char *list, struct ss
 
     if (list) /* asked for, whatever the size */
         cfg->disparity.range_bytes = 0;
-    if (!keys)
-        cfg->disparity.key_spacing = 1;
-    else if (cfg->disparity.key_spacing <= 1)
-        cfg->disparity.key_spacing = 3;
+    if (list || keys) {
+        cfg->disparity.key_spacing = keys ? 3 : 1;
+        cfg->disparity.keys_in_texture = false;
+    }
     return r;
 }
 

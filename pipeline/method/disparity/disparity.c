@@ -460,7 +460,7 @@ static int run_init(struct disparity_run *run, struct sst_lightfield *lf, const 
         return -ENOMEM;
     /* A range too narrow for the second pass is too narrow for carried maps. */
     return cfg->key_spacing > 1 && run->fill && cfg->joint && present >= SST_VISIBLE_LEAST &&
-                   (run->rounds || !cfg->rounds)
+                   (run->rounds || (!cfg->rounds && !cfg->keys_in_texture))
                ? choose_keys(run, present)
                : 0;
 }
@@ -536,6 +536,7 @@ static int make_half(const struct disparity_run *run, int threads, struct sst_ma
 
     cfg.scale = 2;
     cfg.support_arm = cfg.bilateral_tau = cfg.subpixel_steps = 0; /* no better with them */
+    cfg.keys_in_texture = false;
     cfg.runner = NULL;
     cfg.share = NULL;
     cfg.report = NULL;
@@ -573,11 +574,12 @@ static int sweep_scene(struct disparity_run *run, int threads)
 }
 
 /* The sweep over all views, where they have texture and half size decides; else, or if it would need too much memory,
- * the key views, if the scene allows that the others are carried: where their maps give the reference view few other
- * disparities. Else the sweep, or all are matched. */
+ * the key views, if the scene and the preset allow that the others are carried: where their maps give the reference
+ * view few other disparities. Else the sweep, or all are matched. */
 static int match_keys(struct disparity_run *run, int threads, sst_progress_fn *progress, void *progress_arg)
 {
-    bool sweeps = run_may_sweep(run);
+    const bool textured = run_may_sweep(run);
+    bool sweeps = textured;
     double error = NAN;
     int err = 0;
 
@@ -589,7 +591,8 @@ static int match_keys(struct disparity_run *run, int threads, sst_progress_fn *p
         sweeps = err == -EAGAIN;
         err = make_volumes(run, threads);
     }
-    err = err ? err : probe_carrying(run, run->workers, &error);
+    if (textured || !run->cfg->keys_in_texture)
+        err = err ? err : probe_carrying(run, run->workers, &error);
     run->others = !islessequal(error, run->cfg->key_error);
     if (run->cfg->report) {
         run->cfg->report->views_skipped = run->others ? 0 : run->cfg->report->views_skipped;

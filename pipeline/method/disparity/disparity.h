@@ -65,6 +65,7 @@ struct sst_disparity_config {
      * others are carried over from those and, with a second pass, repaired; 1: every view is matched. Without `fill` or
      * `joint`, or where the range is too narrow for the second pass asked for, every one is. */
     int key_spacing;
+    bool keys_in_texture; /* that only where views have texture nearly everywhere; else every view is matched */
     double key_error; /* with a second pass: percent of the reference view's disparities that may change by more than 1
                          px if it is carried; else a sweep in scene space makes the maps of all views */
     bool whole_steps; /* one step per pixel, however short the range is */

@@ -24,7 +24,7 @@ static const struct {
         .guided_rounds = 1, .key_spacing = 3, .skip_hypotheses = true } },
     { "accurate",
       { COMMON, SUPPORT, .cost = SST_COST_BOTH, .census_suffices = true, .range_error = 0.1, .paths = 4, .scale = 1,
-        .rounds = 2, .guided_holes = true, .guided_rounds = 3, .key_spacing = 1 } },
+        .rounds = 2, .guided_holes = true, .guided_rounds = 3, .key_spacing = 3, .keys_in_texture = true } },
 };
 
 int sst_disparity_preset(struct sst_disparity_config *cfg, const char *preset)
