@@ -75,7 +75,9 @@ static inline bool match_config(struct sst_disparity_config *cfg, int i)
     switch (i) {
     case 0: /* the presets */
     case 1:
-    case 2:
+        break;
+    case 2: /* of accurate as of scenes with flat surfaces */
+        cfg->key_spacing = 1;
         break;
     case 3: /* costs alone */
         cfg->raw = true;
