@@ -381,15 +381,6 @@ static inline simd_u8 KERNEL(consensus_mean)(const struct KERNEL(consensus_alike
     return simd_narrow(simd_high_u16(sum[0], a->q[0]), simd_high_u16(sum[1], a->q[1]));
 }
 
-/* With what the plane costs more in flat surfaces. */
-static inline simd_u8 KERNEL(consensus_priced)(const struct KERNEL(consensus_alike) * a,
-                                               const struct sst_consensus_rows *r, int plane)
-{
-    const simd_u8 price = a->flat & sst_consensus_price(r, plane);
-
-    return simd_more_u8(KERNEL(consensus_mean)(a, (size_t)plane * r->stride), price);
-}
-
 static void KERNEL(consensus_mean_row)(uint8_t *mean, const struct sst_consensus_rows *r, size_t n)
 {
     uint8_t table[2][64];
@@ -414,16 +405,15 @@ static void KERNEL(consensus_least_row)(uint8_t *const out[2], const struct sst_
     KERNEL(consensus_reciprocals)(table);
     for (size_t x = 0; x < n; x += SIMD_BYTES) {
         struct KERNEL(consensus_alike) alike;
-        simd_u8 least, chosen;
         size_t packed;
         int planes;
         const uint8_t *plane = KERNEL(consensus_planes)(&r->listed, r->planes, x, &planes, &packed);
+        simd_u8 least = simd_set_u8(255), chosen = simd_set_u8(plane[0]);
 
         KERNEL(consensus_find_alike)(&alike, r, x, table);
-        least = KERNEL(consensus_priced)(&alike, r, plane[0]);
-        chosen = simd_set_u8(plane[0]);
-        for (int p = 1; p < planes; p++) {
-            const simd_u8 mean = KERNEL(consensus_priced)(&alike, r, plane[p]);
+        for (int p = 0; p < planes; p++) {
+            const simd_u8 price = alike.flat & sst_consensus_price(r, plane[p]);
+            const simd_u8 mean = simd_more_u8(KERNEL(consensus_mean)(&alike, (size_t)plane[p] * r->stride), price);
             const simd_u8 less = (simd_u8)(mean < least);
 
             chosen = (chosen & ~less) | (plane[p] & less);
