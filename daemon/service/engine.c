@@ -266,6 +266,7 @@ static void fill_input(struct live_engine *v, const struct sst_kept *kept)
 
     memset(in, 0, sizeof(*in));
     in->picture_first = v->events != NULL; /* in a recording picture and tracks are of one moment */
+    in->moving = v->moving;
     in->set = kept->set.index;
     in->t_ns = kept->set.t_ns;
     for (int i = 0; i < kept->set.cameras && i < v->layout.config.bound; i++) {
@@ -291,7 +292,7 @@ static int update(struct live_engine *v, const struct sst_kept *kept, uint64_t d
     if (err)
         return err;
     v->updated_ns = start_ns;
-    v->moved = false;
+    v->moved = v->moving = false;
     pthread_mutex_lock(&v->lock);
     v->state.dropped += dropped;
     v->behind = false;

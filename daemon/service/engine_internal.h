@@ -193,6 +193,7 @@ struct live_engine {
     int64_t last_ns, retry_ns;
     int64_t updated_ns; /* when the light field was last brought up to date */
     bool moved;         /* a watched set has changes that are not processed */
+    bool moving;        /* something moves in a picture of the last set */
     uint64_t set_index; /* the set that the pictures show; its time zero and wall time */
     int64_t set_t_ns, set_wall_ns;
     int64_t tried_t_ns;    /* the last set that was processed, or could not be; 0: none */

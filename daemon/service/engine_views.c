@@ -39,7 +39,7 @@ static int add_locked(struct live_engine *v, const char *id, const struct view_s
         *e = (struct view){ .used = true, .settings = *settings, .version = 1, .slot = slot };
         e->used_ns = sst_clock_now_ns();
         e->track_px = NAN;
-        e->shown = (struct sst_livepicture_clear){ NAN, NAN, NAN, NAN, NAN, 0 };
+        e->shown = (struct sst_livepicture_clear){ NAN, NAN, NAN, NAN, NAN, 0, false };
         snprintf(e->id, sizeof(e->id), "%s", id);
         engine_preview_show_locked(v, e);
         *out = e;
@@ -407,6 +407,7 @@ static bool render_view(struct live_engine *v, struct view *e, const struct view
     if (rendered_px)
         o->rendering = ++v->renderings;
     sst_livepicture_clear(o->picture, &shown);
+    v->moving |= shown.moving;
     pthread_mutex_lock(&v->lock);
     first = !e->shown_version;
     e->shown_focus_px = render.focus_px;

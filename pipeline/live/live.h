@@ -68,6 +68,7 @@ struct sst_live_input {
     bool unseen;        /* no pictures are needed for now: the background thread does not start */
     bool crowded;       /* sets came that were left out: there is no processor time to spare */
     bool picture_first; /* work that its picture does not need is left to sst_live_follow() */
+    bool moving;        /* in the clear picture of a set before: maps of moving leaves are not to wait for long */
     struct {
         const uint8_t *data; /* NULL: missing; the view is not updated */
         size_t bytes, stride;
@@ -300,6 +301,7 @@ struct sst_livepicture_clear {
     double seen, remembered, filled; /* fractions of the picture */
     double oldest_s;                 /* of the pixel that was last seen longest ago */
     int objects;                     /* removed */
+    bool moving;                     /* something moves behind moving leaves */
 };
 
 void sst_livepicture_clear(const struct sst_livepicture *p, struct sst_livepicture_clear *out);

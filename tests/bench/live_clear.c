@@ -277,6 +277,7 @@ static int show(int set, double update_ms, struct sum *sum)
     err = err ? err : render(b.alone, SST_RENDER_CLEAR, &alone, &alone_ms);
     if (!err) {
         sst_livepicture_clear(b.clear, &state);
+        b.in.moving = state.moving;
         stale = stale_percent(memory, &truth);
         sum->stale += stale;
         db[0] = sst_psnr(memory, &truth, NULL);

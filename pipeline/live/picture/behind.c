@@ -375,11 +375,13 @@ static bool has_changed(const struct picture_behind *b, const struct picture_mem
 /* Changes wake their cell and the cells around it. */
 static void wake_changed(struct picture_behind *b, const struct picture_memory *m)
 {
+    b->moving = 0;
     for (int i = 0; i < b->cols * b->rows; i++) {
         const int col = i % b->cols, row = i / b->cols;
 
         if (!has_changed(b, m, i))
             continue;
+        b->moving++;
         for (int y = sst_max_int(row - 1, 0); y <= sst_min_int(row + 1, b->rows - 1); y++) {
             for (int x = sst_max_int(col - 1, 0); x <= sst_min_int(col + 1, b->cols - 1); x++)
                 b->cell[y * b->cols + x].calm = 0;

@@ -61,6 +61,7 @@ struct picture_behind {
     struct sst_map_u8 trial_agreed;
     int cols, rows;
     struct picture_cell *cell; /* [rows][cols] */
+    int moving;                /* cells of which the picture has changed in the last set */
     uint8_t *wanted;           /* behind cell: to render, ... */
     uint8_t *changed;          /* ... and with rays that changed */
 };

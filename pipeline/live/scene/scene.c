@@ -29,6 +29,10 @@
 #define LATE_AGAIN_NS 1500000000
 #define LATE_NS       550000000
 #define LATE_TRACK_NS 350000000
+/* While something moves behind the leaves, and for a while after it, sets that come as seldom have maps of their own
+ * where there is processor time: rays that agree show torn pieces of it. */
+#define SELDOM_NS 150000000
+#define MOVING_NS 1000000000
 /* Part of a box that must have a label. */
 #define RECOGNISED 0.15
 
@@ -253,6 +257,8 @@ static void clean(struct sst_livescene *s)
 /* The age at which maps of moving leaves are made again. */
 static int64_t late_ns(const struct sst_livescene *s)
 {
+    if (s->seldom && s->moving_t_ns && s->t_ns - s->moving_t_ns < MOVING_NS)
+        return 0;
     for (int i = 0; i < s->tracks.count; i++)
         if (s->tracks.track[i].reported)
             return LATE_TRACK_NS;
@@ -404,7 +410,10 @@ int sst_livescene_update(struct sst_livescene *s, struct sst_liveframes_changes 
     report->stage_ns[SST_LIVE_DISPARITY] = report->stage_ns[SST_LIVE_LABELS] = report->stage_ns[SST_LIVE_REFINE] = 0;
     report->label_runs = 0;
     report->whole = report->late = s->left = false;
+    s->seldom = !in->crowded && in->t_ns - s->t_ns >= SELDOM_NS;
     s->t_ns = in->t_ns;
+    if (in->moving)
+        s->moving_t_ns = in->t_ns;
     err = err ? err : compute_changes(s, changes, report);
     for (int view = 0; view < s->views; view++)
         present += s->lf->views[view].present;

@@ -352,6 +352,8 @@ struct sst_livescene {
     int64_t t_ns, label_t_ns;           /* of the set; of the set in which the network ran last */
     bool left;                          /* sst_livescene_follow() has something to do */
     int64_t maps_t_ns, late_t_ns;       /* of the set that the maps are of; of the last one without own maps, 0: none */
+    bool seldom;                        /* sets come slowly, and there is processor time for maps of each */
+    int64_t moving_t_ns;                /* of the last set before which something moved behind leaves, 0: none */
     struct sst_map_u16 labelled;        /* disparities of the reference key when its cells were labelled */
     uint8_t *dirty[SST_MAX_VIEWS];      /* [tiles] to compute in this set: 1, or SST_SCENE_AGAIN */
     uint8_t *before[SST_MAX_VIEWS];     /* [tiles] 1: changed in the last set with changes; all 0 after a whole one */
