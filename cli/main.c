@@ -12,8 +12,8 @@
 #include "cli/cli_internal.h"
 #include "cli/shard_internal.h"
 
-#define LARGE_BYTES (256 << 20) /* blocks from here on are the system's again when they are freed */
-#define KEPT_BYTES  (1 << 30)   /* freed memory that is kept at most: volumes and maps of the next light field */
+#define LARGE_BYTES (32 << 20)  /* blocks from here on are the system's again when they are freed */
+#define KEPT_BYTES  (256 << 20) /* freed memory that is kept at most */
 
 static const struct cli_command *const commands[] = {
     &cli_demo,     &cli_scene,  &cli_import,      &cli_poses,   &cli_recording, &cli_export,  &cli_rectify,
