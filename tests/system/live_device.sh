@@ -116,6 +116,7 @@ losses() {
     if ((i % 3 == 2)); then echo "$i gone" >lost; else echo "$i" >lost; fi
     echo "loss $i after the picture $(tail -n 1 sets)" >>each
     until_is 60 live.device.failures "v > $failures"
+    [ -z "$networks" ] || until_is 60 live.device.labels.failures "v >= $i" # labels run after the picture, and not in each set
     ((i % 3 != 2)) || { sleep 3; echo "$i" >lost; }
     until_is 120 live.device.failing 'not v'
     echo "  at work again by the picture $(tail -n 1 sets)" >>each

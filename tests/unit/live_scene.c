@@ -206,6 +206,31 @@ static void update_at(struct field *f, int ms, bool all_changed)
                      0);
 }
 
+/* Where something moves behind leaves, sets that come seldom have maps of their own, unless there is no time for them. */
+static void maps_of_who_moves_behind_leaves_do_not_wait(void **state SST_UNUSED)
+{
+    struct sst_live_input in = { .t_ns = INT64_C(1000000000) };
+    struct field f;
+
+    open_field(&f, 3, 3);
+    draw(&f, 40);
+    update_at(&f, 1000, false);
+    f.scene->confirmed = 0.9;
+    for (int i = 0; i < 4; i++) {
+        in.t_ns += i < 3 ? 200000000 : 100000000;
+        in.moving = i > 0;
+        in.crowded = i == 2;
+        draw(&f, i % 2 ? 40 : 72);
+        for (int view = 0; view < 9; view++)
+            memset(f.changes.map[view], 1, TILES);
+        f.report = (struct sst_live_report){ 0 };
+        assert_int_equal(sst_livescene_update(f.scene, &f.changes, &in, &f.report), 0);
+        f.scene->confirmed = 0.9;
+        assert_int_equal(f.report.late, i != 1);
+    }
+    close_field(&f);
+}
+
 /* Where few disparities are confirmed and most tiles change, maps are made every 0.55 s, and every 0.35 s
  * while something moves in the open; between, they stay. */
 static void maps_of_moving_leaves_wait(void **state SST_UNUSED)
@@ -488,6 +513,7 @@ int main(void)
         serial_test(maps_follow_what_moves),
         serial_test(what_moved_on_leaves_nothing_behind),
         serial_test(maps_of_moving_leaves_wait),
+        cmocka_unit_test(maps_of_who_moves_behind_leaves_do_not_wait),
         thread_test(threads_make_no_difference),
         serial_test(every_view_is_labelled_without_reuse),
         cmocka_unit_test(views_come_and_go),
