@@ -10,7 +10,7 @@
 #include "pipeline/method/sweep/sweep_internal.h"
 
 #define ALIKE     40 /* levels: pixels around count up to this colour step */
-#define FLAT      10 /* levels: in flat surfaces none around has a larger step */
+#define FLAT      4  /* levels: in flat surfaces none around has a larger step */
 #define DEARER    12 /* levels: the nearest plane costs more there, in the first round */
 #define P1        6  /* penalties of paths */
 #define EDGE_STEP 10 /* levels: beyond it P2 is a quarter */
