@@ -3,7 +3,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The passer-by in the clear live picture of `sst demo --scene hedge`, start after start: bench_starts.py [--starts N]
 
-Each start runs until somebody has passed behind the hedge. Its line has: the automatic cut; pictures of the pass in which the passer-by is
+Each start runs until a walker has passed behind the hedge. Columns of its line: the automatic cut; pictures of the pass with the passer-by
 away from both sides; the rows in which the passer-by differs from the pictures without anybody, as a share of the passer-by's (median, and
 tenth percentile); the share of these pictures at whose time a track has a box there; pictures in which a track was removed. Figures of an idle
 machine; ends with 1 if a start misses the passer-by, shows less than WHOLE of the rows, or boxes none.

@@ -24,7 +24,7 @@
 #define WIDE        20   /* farthest limit over the nearest one: planes behind the ground are many */
 #define OVERLAPPING 0.7  /* of a picture's side: shift of the nearest view at the nearest distance */
 #define LITTLE      0.03 /* ... and of the farthest compared view at the farthest */
-#define TOLD_PX     1.0 /* shift of that view at the end of a second sweep, in compared pixels: beyond, nothing is told */
+#define TOLD_PX     1.0  /* shift of the farthest compared view at the end of a second sweep, in compared pixels */
 #define VAGUE       0.03  /* of the distance: a compared pixel of parallax, of which users are warned */
 #define SCAN        0.01  /* distances around the peak, relative */
 #define SCANS       5     /* to both sides */
@@ -316,7 +316,7 @@ static void choose_peak(struct sst_posed_ground *g, const struct sst_virtual *sm
     g->chosen = farthest_peak(g, range[1] > WIDE * range[0] ? (double)small->width * small->height : 0);
 }
 
-/* Views that are near each other, as of a drone that hovers: farther planes, as far as parallax tells any. */
+/* Farther planes for views of small baselines (a hovering drone), up to the last parallax of a compared pixel. */
 static int sweep_farther(struct sst_posed_ground *g, struct search *s, const struct sst_virtual *small, double range[2],
                          double baseline_mm)
 {

@@ -7,7 +7,7 @@
 #include "pipeline/posed/surface_internal.h"
 
 #define SATURATED 0.85 /* of white: mean levels of regions without texture */
-#define LARGER    4    /* that may be so many times as large */
+#define LARGER    4    /* factor of the size of such a region */
 
 /* Region of pixels above, or not above, a limit. */
 struct region {

@@ -11,8 +11,7 @@
 #include "base/log.h"
 #include "base/thread.h"
 #include "pipeline/camera/numbers.h"
-#include "pipeline/posed/find/find_internal.h"
-#include "pipeline/posed/surface_internal.h"
+#include "pipeline/posed/find/sharpen_internal.h"
 
 #define WIDTH_PX    640  /* of the registered pictures, about */
 #define WINDOW      20   /* the local mean's reach is the width divided by this */
@@ -33,40 +32,6 @@
 #define GAIN        1.02 /* least ratio of sharpness after and before */
 #define ZERO_NEAR   0.1  /* of its distance: how far from the sharpest plane the ground of the source may be ... */
 #define ZERO_SHARP  0.4  /* and how sharp at least, in that one's sharpness */
-#define PLACE       50   /* the reach of a warm place's window is the width divided by this */
-#define ALIKE       0.35 /* least correlation of a view with the others at a place */
-#define STANDS_OUT  2    /* standard deviations of the smoothed mean by which places do */
-#define FEW_SIGHTS  3    /* of a place */
-#define FEW_PLACES  6    /* on which a lens is fitted */
-#define LENS_ROUNDS 4    /* of sights and fits */
-#define LAST_ROUNDS 5    /* of registration that follow */
-#define LENS_CHI2   100  /* least worth of a lens, in squares of standard errors, ... */
-#define LENS_GAIN   1.03 /* and ratio of sharpness with and without it */
-#define RAD         (M_PI / 180)
-
-struct sharp {
-    const struct sst_sharpen_config *cfg;
-    struct greys greys;
-    int n, threads;
-    int *view;                     /* [n] of the light field */
-    struct sst_deep *score;        /* [n] */
-    struct sst_deep *square;       /* [n] */
-    double (*given)[9];            /* [n] rotations */
-    double (*turned)[3];           /* [n] rad about the view's axes */
-    double focal, k1;              /* before the views' own lenses, as sst_camera_adjust() */
-    struct sst_calib_camera *bare; /* [n] with the given lenses */
-    struct sst_virtual camera;
-    struct sst_integral *sum, *squares, *one;
-    double normal[3], across[2][3];
-    double at[3];             /* distance, two slopes of the plane */
-    double zero_mm;           /* distance of the ground as the source has it; 0: unknown */
-    struct sst_map_f32 *seen; /* [n] scores on the plane */
-    struct sst_map_f32 total; /* sums of the scores */
-    struct sst_map_u16 count;
-    double turn_sigma; /* rad, of the given rotations */
-    double sigma_px;
-    int reach, least;
-};
 
 /* --- pictures of scores ------------------------------------------------------------------------------------------- */
 
@@ -93,7 +58,7 @@ static int make_score(void *arg, int k, int worker SST_UNUSED)
 
 /* --- sharpness ---------------------------------------------------------------------------------------------------- */
 
-static struct sst_surface plane_at(const struct sharp *s, const double at[3])
+struct sst_surface sharp_plane(const struct sharp *s, const double at[3])
 {
     double normal[3], point[3];
 
@@ -105,7 +70,7 @@ static struct sst_surface plane_at(const struct sharp *s, const double at[3])
 }
 
 /* Views as they are assumed: given rotations, each turned about the view's own axes, and the lens. */
-static void rotate(struct sharp *s)
+void sharp_rotate(struct sharp *s)
 {
     double own[9];
 
@@ -149,15 +114,15 @@ static int most_views(const struct sst_map_u16 *count)
 }
 
 /* Mean product of the scores of two views that see a place, over places that a quarter of the most views see */
-static int sharpness(double *out, struct sharp *s, const double at[3])
+int sharp_measure(double *out, struct sharp *s, const double at[3])
 {
-    const struct sst_surface surface = plane_at(s, at);
+    const struct sst_surface surface = sharp_plane(s, at);
     struct sst_map_f32 mean = { 0 }, square = { 0 };
     struct sst_map_u16 count = { 0 };
     double sum = 0, weight = 0;
     int err, least;
 
-    rotate(s);
+    sharp_rotate(s);
     err = add_all(s->sum, s, s->score, &surface);
     err = err ? err : add_all(s->squares, s, s->square, &surface);
     err = err ? err : sst_integral_means(&mean, s->sum, 0);
@@ -195,7 +160,7 @@ static int climb(struct sharp *s, double *best, double scale)
 
             memcpy(trial, s->at, sizeof(trial));
             trial[k / 2] += k % 2 ? step[k / 2] : -step[k / 2];
-            err = sharpness(&value, s, trial);
+            err = sharp_measure(&value, s, trial);
             if (!err && value > *best) {
                 *best = value;
                 memcpy(s->at, trial, sizeof(trial));
@@ -217,7 +182,7 @@ static int sweep(struct sharp *s, double *best, double extent_mm)
         const double at[3] = { mm, 0, 0 };
         double value;
 
-        err = sharpness(&value, s, at);
+        err = sharp_measure(&value, s, at);
         if (!err && value > *best) {
             *best = value;
             memcpy(s->at, at, sizeof(at));
@@ -229,12 +194,12 @@ static int sweep(struct sharp *s, double *best, double extent_mm)
 /* --- registration ------------------------------------------------------------------------------------------------- */
 
 /* Scores of all views on the plane, and their sums. */
-static int see(struct sharp *s)
+int sharp_see(struct sharp *s)
 {
-    const struct sst_surface surface = plane_at(s, s->at);
+    const struct sst_surface surface = sharp_plane(s, s->at);
     int err;
 
-    rotate(s);
+    sharp_rotate(s);
     sst_map_f32_fini(&s->total);
     sst_map_u16_fini(&s->count);
     err = sst_map_f32_init(&s->total, s->camera.width, s->camera.height);
@@ -319,7 +284,7 @@ static void correlate(double *out, const struct sst_map_f32 *with, const struct 
     }
 }
 
-static void smooth_square(double *v, double *work, int side, double sigma)
+void sharp_smooth_square(double *v, double *work, int side, double sigma)
 {
     for (int pass = 0; pass < 2; pass++) {
         const int along = pass ? side : 1;
@@ -345,7 +310,7 @@ static void smooth_square(double *v, double *work, int side, double sigma)
 /* Pixel of the virtual picture that the middle of a turned view sees. */
 static bool middle_seen(const struct sharp *s, const struct sst_calib_camera *cam, const double turn[2], double xy[2])
 {
-    const struct sst_surface surface = plane_at(s, s->at);
+    const struct sst_surface surface = sharp_plane(s, s->at);
     double own[9], rotation[9], at[3], p[3], t;
 
     sst_rotation_from_vector((double[]){ turn[0], turn[1], 0 }, own);
@@ -382,7 +347,7 @@ static bool turns_of(const struct sharp *s, int k, double turn[2][2])
 }
 
 /* Place of a parabola's top through three values, from the middle one. */
-static double top_of(double l, double c, double r)
+double sharp_top(double l, double c, double r)
 {
     const double bend = l - 2 * c + r;
 
@@ -393,8 +358,8 @@ static double top_of(double l, double c, double r)
 static void step_to(struct sharp *s, int k, const double *value, int best, double turn[2][2])
 {
     const int side = 2 * s->reach + 1, x = best % side, y = best / side;
-    const double fx = x > 0 && x < side - 1 ? top_of(value[best - 1], value[best], value[best + 1]) : 0;
-    const double fy = y > 0 && y < side - 1 ? top_of(value[best - side], value[best], value[best + side]) : 0;
+    const double fx = x > 0 && x < side - 1 ? sharp_top(value[best - 1], value[best], value[best + 1]) : 0;
+    const double fy = y > 0 && y < side - 1 ? sharp_top(value[best - side], value[best], value[best + side]) : 0;
 
     for (int i = 0; i < 2; i++)
         s->turned[k][i] += DAMPED * ((s->reach - x - fx) * turn[0][i] + (s->reach - y - fy) * turn[1][i]);
@@ -424,7 +389,7 @@ static int register_view(void *arg, int k, int worker SST_UNUSED)
     if (!(norm > 0 && own > 0))
         goto done;
     correlate(value, &with, &s->seen[k], s->reach);
-    smooth_square(value, value + side * side, side, s->sigma_px);
+    sharp_smooth_square(value, value + side * side, side, s->sigma_px);
     for (int i = 0; i < side * side; i++) {
         const double dx = s->reach - i % side, dy = s->reach - i / side; /* that it is to be moved by */
         const double a = s->turned[k][0] + dx * turn[0][0] + dy * turn[1][0];
@@ -456,396 +421,20 @@ static void keep_mean(struct sharp *s)
 }
 
 /* From far to near. @param first  round: later ones reach less far */
-static int register_all(struct sharp *s, int first)
+int sharp_register(struct sharp *s, int first)
 {
     static const double sigma_px[ROUNDS] = { 3, 2, 1.5, 1, 1, 1, 1, 0.7, 0.7 };
     static const double reach_deg[ROUNDS] = { 1.2, 1.2, 0.8, 0.6, 0.4, 0.4, 0.2, 0.2, 0.2 };
     int err = 0;
 
     for (int round = first; round < ROUNDS && !err; round++) {
-        s->reach = (int)(tan(reach_deg[round] * RAD) * s->camera.fx + 0.5) + 1;
+        s->reach = (int)(tan(reach_deg[round] * SHARP_RAD) * s->camera.fx + 0.5) + 1;
         s->sigma_px = sigma_px[round];
-        err = see(s);
+        err = sharp_see(s);
         err = err ? err : sst_parallel_for(s->n, s->threads, register_view, s);
         keep_mean(s);
     }
     return err;
-}
-
-/* --- lens --------------------------------------------------------------------------------------------------------- */
-
-/* Places of warm bodies on the plane, and the sights of the views. */
-struct warm {
-    struct sharp *s;
-    int places, reach; /* px of a window */
-    int (*px)[2];      /* [places] in the virtual picture */
-    double (*at_mm)[3];
-    struct lens_sight *sight; /* [views][places]; weight 0: none */
-    double from;              /* lower scores of a mean are background */
-};
-
-static void warm_fini(struct warm *w)
-{
-    free(w->px);
-    free(w->at_mm);
-    free(w->sight);
-}
-
-/* The mean of all views, smoothed; 0 where few look. */
-static int smooth_mean(struct sst_map_f32 *out, const struct sharp *s)
-{
-    static const double weight[5] = { 1 / 16.0, 4 / 16.0, 6 / 16.0, 4 / 16.0, 1 / 16.0 };
-    struct sst_map_f32 work = { 0 };
-    int err = sst_map_f32_init(out, s->total.width, s->total.height);
-
-    err = err ? err : sst_map_f32_init(&work, out->width, out->height);
-    for (int i = 0; !err && i < out->width * out->height; i++) {
-        const int x = i % out->width, y = i / out->width, n = sst_map_u16_row(&s->count, y)[x];
-
-        sst_map_f32_row(out, y)[x] = n < s->least ? 0 : sst_map_f32_row(&s->total, y)[x] / (float)n;
-    }
-    for (int pass = 0; !err && pass < 8; pass++) { /* along rows and columns, four times: a Gaussian of 2 px */
-        struct sst_map_f32 swap = work;
-
-        for (int i = 0; i < out->width * out->height; i++) {
-            const int x = i % out->width, y = i / out->width;
-            double sum = 0;
-
-            for (int d = -2; d <= 2; d++)
-                sum += weight[d + 2] * (double)sst_map_f32_row(
-                                           out, pass % 2 ? sst_clamp_int(y + d, 0, out->height - 1)
-                                                         : y)[pass % 2 ? x : sst_clamp_int(x + d, 0, out->width - 1)];
-            sst_map_f32_row(&work, y)[x] = (float)sum;
-        }
-        work = *out;
-        *out = swap;
-    }
-    sst_map_f32_fini(&work);
-    return err;
-}
-
-/* Is a pixel the first of the highest around? */
-static bool is_peak(const struct sst_map_f32 *map, int x, int y, int reach)
-{
-    const float v = sst_map_f32_row(map, y)[x];
-
-    for (int j = y - reach; j <= y + reach; j++) {
-        for (int i = x - reach; i <= x + reach; i++) {
-            const float o = sst_map_f32_row(map, j)[i];
-
-            if (o > v || (o == v && (j < y || (j == y && i < x))))
-                return false;
-        }
-    }
-    return true;
-}
-
-/* Where the mean of all views has a peak that stands out, away from the border. */
-static int find_places(struct warm *w)
-{
-    const struct sharp *s = w->s;
-    const struct sst_surface surface = plane_at(s, s->at);
-    const int border = w->reach + s->reach, most = (s->camera.width / w->reach + 1) * (s->camera.height / w->reach + 1);
-    double sum = 0, square = 0, n = (double)s->camera.width * s->camera.height, least;
-    struct sst_map_f32 mean = { 0 };
-    int err;
-
-    w->px = malloc((size_t)most * sizeof(*w->px));
-    w->at_mm = malloc((size_t)most * sizeof(*w->at_mm));
-    err = w->px && w->at_mm ? smooth_mean(&mean, s) : -ENOMEM;
-    for (int y = 0; !err && y < mean.height; y++) {
-        for (int x = 0; x < mean.width; x++) {
-            const double v = (double)sst_map_f32_row(&mean, y)[x];
-
-            sum += v;
-            square += v * v;
-        }
-    }
-    w->from = sum / n + sqrt(fmax(square / n - sum / n * (sum / n), 0));
-    least = sum / n + STANDS_OUT * (w->from - sum / n);
-    for (int y = border; !err && y < mean.height - border; y++) {
-        for (int x = border; x < mean.width - border; x++) {
-            if ((double)sst_map_f32_row(&mean, y)[x] > least && is_peak(&mean, x, y, w->reach) && w->places < most &&
-                find_place(&s->camera, &surface, x, y, w->at_mm[w->places])) {
-                w->px[w->places][0] = x;
-                w->px[w->places++][1] = y;
-            }
-        }
-    }
-    sst_map_f32_fini(&mean);
-    return err;
-}
-
-/* Mean of the other views in the window of a place, less the background. @return its sum of squares; 0: the view does
- * not see all around the window, or too few others do */
-static double window_of(float *out, const struct warm *w, int k, int place)
-{
-    const struct sharp *s = w->s;
-    const int x0 = w->px[place][0], y0 = w->px[place][1], reach = w->reach + s->reach;
-    double squares = 0;
-
-    for (int y = y0 - reach; y <= y0 + reach; y++) {
-        const float *own = sst_map_f32_row(&s->seen[k], y);
-
-        for (int x = x0 - reach; x <= x0 + reach; x++) {
-            const int others = sst_map_u16_row(&s->count, y)[x] - 1;
-            double v;
-
-            if (own[x] < 0 || others < 1)
-                return 0;
-            if (abs(x - x0) > w->reach || abs(y - y0) > w->reach)
-                continue;
-            v = fmax((double)(sst_map_f32_row(&s->total, y)[x] - own[x]) / others - w->from, 0);
-            *out++ = (float)v;
-            squares += v * v;
-        }
-    }
-    return squares;
-}
-
-/* Correlations of a window with a view's scores around. @param value  out [side][side]. @return the largest's index */
-static int match_window(double *value, const struct warm *w, const float *with, int k, int place)
-{
-    const struct sharp *s = w->s;
-    const int side = 2 * s->reach + 1, wide = 2 * w->reach + 1;
-    int best = 0;
-
-    for (int i = 0; i < side * side; i++) {
-        double sum = 0;
-
-        for (int y = 0; y < wide; y++) {
-            const float *own = sst_map_f32_row(&s->seen[k], w->px[place][1] - w->reach - s->reach + i / side + y) +
-                               w->px[place][0] - w->reach - s->reach + i % side;
-
-            for (int x = 0; x < wide; x++)
-                sum += (double)(with[y * wide + x] * own[x]);
-        }
-        value[i] = sum;
-    }
-    smooth_square(value, value + side * side, side, s->sigma_px);
-    for (int i = 0; i < side * side; i++)
-        best = value[i] > value[best] ? i : best;
-    return best;
-}
-
-static double squares_of(const struct warm *w, int k, int place, int dx, int dy)
-{
-    double sum = 0;
-
-    for (int y = -w->reach; y <= w->reach; y++) {
-        const float *own = sst_map_f32_row(&w->s->seen[k], w->px[place][1] + dy + y) + w->px[place][0] + dx;
-
-        for (int x = -w->reach; x <= w->reach; x++)
-            sum += (double)(own[x] * own[x]);
-    }
-    return sum;
-}
-
-/* Pixel of a view that shows a place of the virtual picture. */
-static bool view_pixel(const struct sharp *s, int k, double x, double y, struct lens_sight *out)
-{
-    const struct sst_surface surface = plane_at(s, s->at);
-    const struct sst_calib_camera *cam = &s->greys.camera[k];
-    double at[3], p[3];
-
-    if (!find_place(&s->camera, &surface, x, y, at))
-        return false;
-    for (int i = 0; i < 3; i++)
-        at[i] -= cam->position_mm[i];
-    sst_numbers_apply3(cam->rotation, at, p);
-    sst_camera_distort(cam, p[0] / p[2], p[1] / p[2], &out->x, &out->y);
-    return p[2] > 0 && isfinite(out->x) && isfinite(out->y);
-}
-
-/* Sights of one view: where its scores match the mean of the others best. */
-static int see_places(void *arg, int k, int worker SST_UNUSED)
-{
-    struct warm *w = arg;
-    const struct sharp *s = w->s;
-    const int side = 2 * s->reach + 1, wide = 2 * w->reach + 1;
-    double *value = malloc(2 * (size_t)(side * side) * sizeof(*value));
-    float *with = malloc((size_t)(wide * wide) * sizeof(*with));
-
-    for (int p = 0; value && with && p < w->places; p++) {
-        struct lens_sight *sight = &w->sight[k * w->places + p];
-        const double norm = window_of(with, w, k, p);
-        double x, y, alike;
-        int best;
-
-        *sight = (struct lens_sight){ k, p, 0, 0, 0 };
-        if (!(norm > 0))
-            continue;
-        best = match_window(value, w, with, k, p);
-        x = best % side - s->reach;
-        y = best / side - s->reach;
-        if (fabs(x) > s->reach - 1 || fabs(y) > s->reach - 1)
-            continue;
-        alike = value[best] / sqrt(norm * squares_of(w, k, p, (int)x, (int)y) + 1e-12);
-        x += top_of(value[best - 1], value[best], value[best + 1]);
-        y += top_of(value[best - side], value[best], value[best + side]);
-        if (alike > ALIKE && view_pixel(s, k, w->px[p][0] + x, w->px[p][1] + y, sight))
-            sight->weight = fmin(alike, 1);
-    }
-    free(value);
-    free(with);
-    return value && with ? 0 : -ENOMEM;
-}
-
-/* Keep places that enough views see. @return sights */
-static int gather(struct warm *w)
-{
-    int places = 0, sights = 0;
-    int *number = calloc((size_t)w->places + 1, sizeof(*number)), *seen = calloc((size_t)w->places + 1, sizeof(*seen));
-
-    for (int i = 0; number && seen && i < w->s->n * w->places; i++)
-        seen[w->sight[i].place] += w->sight[i].weight > 0;
-    for (int p = 0; number && seen && p < w->places; p++) {
-        number[p] = seen[p] >= FEW_SIGHTS ? places++ : -1;
-        if (number[p] >= 0)
-            memcpy(w->at_mm[number[p]], w->at_mm[p], sizeof(*w->at_mm));
-    }
-    for (int i = 0; number && seen && i < w->s->n * w->places; i++) {
-        if (w->sight[i].weight > 0 && number[w->sight[i].place] >= 0) {
-            w->sight[sights] = w->sight[i];
-            w->sight[sights].place = number[w->sight[sights].place];
-            sights++;
-        }
-    }
-    w->places = number && seen ? places : 0;
-    sights = number && seen ? sights : -ENOMEM;
-    free(number);
-    free(seen);
-    return sights;
-}
-
-/* Fit turns, and the lens if it is free, to the sights of warm places. @return 0, -ENODATA (too few), -EDOM,
- * ... */
-static int fit_once(struct sharp *s, struct lens_fit *fit)
-{
-    struct warm w = { .s = s, .reach = sst_max_int(s->camera.width / PLACE, 2) };
-    int err = see(s);
-
-    err = err ? err : find_places(&w);
-    w.sight = err ? NULL : calloc((size_t)s->n * (size_t)sst_max_int(w.places, 1), sizeof(*w.sight));
-    if (!err)
-        err = w.sight ? sst_parallel_for(s->n, s->threads, see_places, &w) : -ENOMEM;
-    if (!err) {
-        fit->sights = gather(&w);
-        err = fit->sights < 0 ? fit->sights : w.places < FEW_PLACES || fit->sights < 2 * s->n ? -ENODATA : 0;
-    }
-    if (!err) {
-        const struct sst_surface plane = plane_at(s, s->at);
-
-        fit->views = s->n;
-        fit->camera = s->greys.camera;
-        fit->given = s->given;
-        fit->places = w.places;
-        fit->place_mm = w.at_mm;
-        fit->sight = w.sight;
-        fit->sigma_rad = s->turn_sigma;
-        memcpy(fit->normal, plane.normal, sizeof(fit->normal));
-        vector_cross(fit->across[0], fit->normal, s->camera.rotation + 3);
-        vector_unit(fit->across[0]);
-        vector_cross(fit->across[1], fit->normal, fit->across[0]);
-        for (int k = 0; k < s->n; k++) { /* the lens of the fit comes before the views' own */
-            double own[9];
-
-            memcpy(own, s->greys.camera[k].rotation, sizeof(own));
-            s->greys.camera[k] = s->bare[k];
-            memcpy(s->greys.camera[k].rotation, own, sizeof(own));
-        }
-        err = lens_fit(fit);
-    }
-    for (int k = 0; !err && k < s->n; k++) {
-        double turn[9];
-
-        sst_rotation_between(s->greys.camera[k].rotation, s->given[k], turn);
-        sst_rotation_to_vector(turn, s->turned[k]);
-    }
-    if (!err && fit->free_lens) {
-        s->focal = fit->focal;
-        s->k1 = fit->k1;
-        if (fit->plane_moves)
-            s->at[0] += fit->raise_mm * vector_length(fit->normal) / vector_dot(fit->normal, s->camera.rotation + 6);
-    }
-    warm_fini(&w);
-    return err;
-}
-
-/* A registration to return to. */
-struct kept {
-    double (*turned)[3];
-    double at[3], focal, k1, sharp;
-};
-
-static int keep(struct kept *out, const struct sharp *s, double sharp)
-{
-    const size_t bytes = (size_t)s->n * sizeof(*out->turned);
-
-    *out = (struct kept){ .turned = malloc(bytes), .focal = s->focal, .k1 = s->k1, .sharp = sharp };
-    if (!out->turned)
-        return -ENOMEM;
-    memcpy(out->turned, s->turned, bytes);
-    memcpy(out->at, s->at, sizeof(out->at));
-    return 0;
-}
-
-static void return_to(struct sharp *s, const struct kept *to)
-{
-    memcpy(s->turned, to->turned, (size_t)s->n * sizeof(*s->turned));
-    memcpy(s->at, to->at, sizeof(s->at));
-    s->focal = to->focal;
-    s->k1 = to->k1;
-    rotate(s);
-}
-
-/* Turns by all three angles, with or without a lens, from the present ones. @param sharp  out */
-static int fit_turns(struct sharp *s, struct lens_fit *fit, double *sharp)
-{
-    int err = 0;
-
-    fit->focal = s->focal;
-    fit->k1 = s->k1;
-    for (int round = 0; round < LENS_ROUNDS && !err; round++) {
-        s->reach = (int)(tan((round ? 0.6 : 0.8) * RAD) * s->camera.fx + 0.5) + 1;
-        s->sigma_px = 1;
-        err = fit_once(s, fit);
-    }
-    err = err ? err : register_all(s, LAST_ROUNDS);
-    return err ? err : sharpness(sharp, s, s->at);
-}
-
-/* One lens for all views, if warm places show it; else turns about all three axes, if they are sharper. */
-static int refine_lens(struct sharp *s, bool known, double *sharp, struct sst_sharpened *out)
-{
-    struct lens_fit turns = { 0 }, lens = { .free_lens = true, .plane_moves = !known };
-    struct kept was = { 0 }, turned = { 0 }, with = { 0 };
-    const struct kept *best = &was;
-    int err = sharpness(sharp, s, s->at);
-
-    err = err ? err : keep(&was, s, *sharp);
-    err = err ? err : fit_turns(s, &turns, sharp);
-    err = err ? err : keep(&turned, s, *sharp);
-    if (!err && turned.sharp > was.sharp)
-        best = &turned;
-    if (!err && !s->cfg->keep_lens) {
-        return_to(s, &was);
-        err = fit_turns(s, &lens, sharp);
-        err = err ? err : keep(&with, s, *sharp);
-        if (!err && lens.chi2 > LENS_CHI2 && with.sharp > LENS_GAIN * best->sharp) {
-            best = &with;
-            out->focal = lens.focal;
-            out->k1 = lens.k1;
-            out->lens_gain = with.sharp / fmax(turned.sharp, was.sharp);
-        }
-    }
-    if (was.turned)
-        return_to(s, best);
-    *sharp = best->sharp;
-    free(was.turned);
-    free(turned.turned);
-    free(with.turned);
-    return err == -ENODATA || err == -EDOM ? 0 : err; /* too few warm places tell nothing */
 }
 
 /* --- views that have not gained ----------------------------------------------------------------------------------- */
@@ -864,8 +453,8 @@ static void products(double sum[TILES * TILES], const struct sst_map_f32 *with, 
 /* Views without a significant gain return to their given rotation. */
 static int keep_gains(struct sharp *s, int *moved)
 {
-    const struct sst_surface surface = plane_at(s, s->at);
-    int err = see(s);
+    const struct sst_surface surface = sharp_plane(s, s->at);
+    int err = sharp_see(s);
 
     *moved = 0;
     for (int k = 0; k < s->n && !err; k++) {
@@ -950,7 +539,7 @@ static int sharp_init(struct sharp *s, const struct sst_posed *posed, const char
         memcpy(s->given[k], s->bare[k].rotation, sizeof(*s->given));
     }
     s->focal = 1;
-    s->turn_sigma = (s->cfg->sigma_angle_deg > 0 ? s->cfg->sigma_angle_deg : SIGMA_DEG) * RAD;
+    s->turn_sigma = (s->cfg->sigma_angle_deg > 0 ? s->cfg->sigma_angle_deg : SIGMA_DEG) * SHARP_RAD;
     return err;
 }
 
@@ -1011,7 +600,7 @@ static int take_known(bool *known, struct sharp *s, double best)
     *known = false;
     if (!(fabs(s->zero_mm / s->at[0] - 1) < ZERO_NEAR))
         return 0;
-    err = sharpness(&value, s, at);
+    err = sharp_measure(&value, s, at);
     *known = !err && value > ZERO_SHARP * best;
     if (*known)
         memcpy(s->at, at, sizeof(at));
@@ -1026,14 +615,14 @@ static int refine(struct sharp *s, struct sst_posed *posed, struct sst_sharpened
 
     out->before = after;
     err = err ? err : take_known(&known, s, after);
-    err = err ? err : register_all(s, 0);
-    err = err ? err : sharpness(&after, s, s->at);
+    err = err ? err : sharp_register(s, 0);
+    err = err ? err : sharp_measure(&after, s, s->at);
     err = err || known ? err : climb(s, &after, 0.5);
-    err = err ? err : register_all(s, 3);
-    err = err ? err : refine_lens(s, known, &after, out);
+    err = err ? err : sharp_register(s, 3);
+    err = err ? err : sharp_refine_lens(s, known, &after, out);
     err = err || known || !out->lens_gain ? err : climb(s, &after, 0.5);
     err = err ? err : keep_gains(s, &out->moved);
-    err = err ? err : sharpness(&after, s, s->at); /* with the views' rotations */
+    err = err ? err : sharp_measure(&after, s, s->at); /* with the views' rotations */
     if (err || after < GAIN * out->before) {
         out->moved = 0;
         out->focal = 1;
