@@ -1,5 +1,5 @@
 /* The sweep in scene space: maps of foliage against the truth, the same for any number of threads and over tiles, from
- * maps of half size, masks, missing views, flat skies, limits. */
+ * maps of half size, masks, missing views, flat skies, limits, rows that are kept. */
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
@@ -380,6 +380,61 @@ static void limits_and_cancelling_end_it(void **state SST_UNUSED)
     free_field(&f);
 }
 
+/* Least memory of planes that a sweep takes, to a fiftieth. */
+static size_t least_bytes(struct field *f)
+{
+    size_t low = 0, high = (size_t)1 << 28;
+
+    while (high - low > high / 50) {
+        f->all.bytes = (low + high) / 2;
+        if (sst_planesweep(&f->all) == -E2BIG) {
+            low = f->all.bytes;
+        } else {
+            high = f->all.bytes;
+            free_maps(f);
+        }
+    }
+    return high;
+}
+
+/* Rows of views far apart take turns, so that few rows of a plane are kept; the maps are the same. */
+static void few_rows_of_planes_are_kept(void **state SST_UNUSED)
+{
+    enum { WIDTH = 60, HEIGHT = 200, RANGE = 130 /* of planes a pixel apart alone */, FARTHER = 2 };
+    struct sst_map_u16 disp[VIEWS];
+    struct field f;
+    size_t least, in_a_row;
+
+    make_field(&f, WIDTH, HEIGHT);
+    f.all.range = RANGE;
+    for (int k = 0; k < VIEWS; k++)
+        f.view[k].by = 0;
+    in_a_row = least_bytes(&f);
+    for (int k = 0; k < VIEWS; k++)
+        f.view[k].by = FARTHER * (k / SIDE - 1);
+    f.all.bytes = 0;
+    assert_int_equal(sst_planesweep(&f.all), 0);
+    memcpy(disp, f.disp, sizeof(disp));
+    memset(f.disp, 0, sizeof(f.disp));
+    free_maps(&f);
+    least = least_bytes(&f);
+    print_message("bytes of planes: %.2f times those of views in one row\n", (double)least / (double)in_a_row);
+    assert_true((double)least < 3 * (double)in_a_row);
+    f.all.bytes = least;
+    for (f.all.threads = 1; f.all.threads <= 2; f.all.threads++) {
+        assert_int_equal(sst_planesweep(&f.all), 0);
+        for (int k = 0; k < VIEWS; k++) {
+            for (int y = 0; y < HEIGHT; y++)
+                assert_memory_equal(sst_map_u16_row(&disp[k], y), sst_map_u16_row(&f.disp[k], y),
+                                    WIDTH * sizeof(uint16_t));
+        }
+        free_maps(&f);
+    }
+    for (int k = 0; k < VIEWS; k++)
+        sst_map_u16_fini(&disp[k]);
+    free_field(&f);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -392,6 +447,7 @@ int main(void)
         cmocka_unit_test(a_flat_sky_is_behind_leaves),
         cmocka_unit_test(small_and_flat_pictures_have_maps),
         cmocka_unit_test(limits_and_cancelling_end_it),
+        cmocka_unit_test(few_rows_of_planes_are_kept),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

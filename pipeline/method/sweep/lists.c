@@ -31,19 +31,19 @@ void sweep_lists_fini(struct sweep_lists *l)
     sst_mem_free(l->own);
 }
 
-static int group_of(const struct sweep *s, int y)
+static int group_of(const struct sweep_lists *l, int y)
 {
-    return y / SWEEP_GROUP - sst_max_int(s->top - 1, 0) / SWEEP_GROUP;
+    return y / SWEEP_GROUP - l->first;
 }
 
 const uint8_t *sweep_lists_on(const struct sweep *s, const struct sweep_lists *l, int y)
 {
-    return l->on + (size_t)group_of(s, y) * (size_t)s->planes * (size_t)s->blocks;
+    return l->on + (size_t)group_of(l, y) * (size_t)s->planes * (size_t)s->blocks;
 }
 
 struct sst_consensus_listed sweep_lists_at(const struct sweep *s, const struct sweep_lists *l, int y)
 {
-    const size_t group = (size_t)group_of(s, y), blocks = (size_t)s->blocks;
+    const size_t group = (size_t)group_of(l, y), blocks = (size_t)s->blocks;
 
     return (struct sst_consensus_listed){ l->plane + group * (size_t)s->planes * blocks, l->count + group * blocks };
 }
@@ -98,9 +98,9 @@ static void find_own(const struct sweep *s, const struct sweep_lists *l, int k, 
 /* The lists of a group of rows. */
 static void list_group(const struct sweep *s, const struct sweep_lists *l, int k, int top, int bottom)
 {
-    const int rows[2] = { sst_max_int(top, s->top) - (top > 0), sst_min_int(bottom, s->height - 1) };
-    const size_t at = (size_t)group_of(s, top) * (size_t)s->planes * (size_t)s->blocks;
-    uint8_t *on = l->on + at, *count = l->count + group_of(s, top) * s->blocks;
+    const int rows[2] = { sst_max_int(top, s->view[k].top) - (top > 0), sst_min_int(bottom, s->height - 1) };
+    const size_t at = (size_t)group_of(l, top) * (size_t)s->planes * (size_t)s->blocks;
+    uint8_t *on = l->on + at, *count = l->count + group_of(l, top) * s->blocks;
 
     memset(count, 0, (size_t)s->blocks);
     if (s->own)
@@ -121,10 +121,11 @@ static void list_group(const struct sweep *s, const struct sweep_lists *l, int k
     }
 }
 
-void sweep_lists_make(const struct sweep *s, const struct sweep_lists *l, int k, int bottom)
+void sweep_lists_make(const struct sweep *s, struct sweep_lists *l, int k, int bottom)
 {
-    int y = sst_max_int(s->top - 1, 0);
+    int y = sst_max_int(s->view[k].top - 1, 0);
 
+    l->first = y / SWEEP_GROUP;
     /* Rows of the consensus are there from the one above the tile to the one below it. */
     for (int end; y <= sst_min_int(bottom, s->height - 1); y = end) {
         end = (y / SWEEP_GROUP + 1) * SWEEP_GROUP;

@@ -84,7 +84,7 @@ static void cost_rows(const struct mapped *m, int views, int y)
     const struct sweep *s = m->s;
 
     for (int i = 0; i < views; i++) {
-        if (s->again && y - 3 >= s->top - 1 && y >= 3) /* there are costs of row y - 3 */
+        if (s->again && y - 3 >= m->v->top - 1 && y >= 3) /* there are costs of row y - 3 */
             sweep_lists_clear(s, &m[i].costs->lists, m[i].costs->raw[y % 3], s->most, (const int[]){ y - 3, y });
     }
     for (int plane = 0; plane < s->planes; plane++) {
@@ -116,7 +116,7 @@ static void mean_row(const struct mapped *m, int y)
             colour_steps(m->own->step[k++], m, y, i % 3 - 1, i / 3 - 1);
     }
     if (s->again) {
-        sst_kernels_get()->consensus_mean_row(m->costs->mean + (size_t)(y - s->top) * s->packed, &rows, padded(s));
+        sst_kernels_get()->consensus_mean_row(m->costs->mean + (size_t)(y - m->v->top) * s->packed, &rows, padded(s));
         return;
     }
     sst_kernels_get()->consensus_least_row(least, &rows, padded(s));
@@ -124,8 +124,8 @@ static void mean_row(const struct mapped *m, int y)
         m->v->costs[least[1][x]]++;
 }
 
-/* Layers of paths begin a pixel later (from the left) or earlier, so that the pixel beside it in the row before lies where
- * vectors begin. */
+/* Layers of paths begin a pixel later (from the left) or earlier, so that the pixel beside it in the row before lies
+ * where vectors begin. */
 static uint8_t *skewed(uint8_t *path, int t)
 {
     return path + (t ? -1 : 1);
@@ -137,7 +137,7 @@ static void path_row(const struct mapped *m, int y, int dir, int row, uint8_t *(
                      int from, uint8_t *mean)
 {
     const struct sweep *s = m->s;
-    struct sst_consensus_paths p = { .cost = m->costs->mean + (size_t)(y - s->top) * s->packed,
+    struct sst_consensus_paths p = { .cost = m->costs->mean + (size_t)(y - m->v->top) * s->packed,
                                      .step = { m->own->step[0], m->own->step[1] },
                                      .p1 = P1,
                                      .p2 = s->p2,
@@ -196,7 +196,7 @@ static void choose_row(const struct mapped *m, int y)
 {
     const struct sweep *s = m->s;
     uint8_t *const *row = m->own->choice;
-    const size_t at = (size_t)(y - s->top) * s->packed;
+    const size_t at = (size_t)(y - m->v->top) * s->packed;
     const struct sst_consensus_choice choice = { .sum = { m->own->up, m->own->down + at },
                                                  .cost = m->costs->mean + at,
                                                  .listed = sweep_lists_at(s, &m->costs->lists, y),
@@ -223,10 +223,10 @@ static void mean_rows(const struct mapped *m, int views, int bottom)
         for (int row = 0; s->again && row < 3; row++)
             memset(m[i].costs->raw[row], s->most, s->layer);
     }
-    for (int y = sst_max_int(s->top - 1, 0) - 1; y < bottom; y++) {
+    for (int y = sst_max_int(m->v->top - 1, 0) - 1; y < bottom; y++) {
         if (y + 1 < s->height)
             cost_rows(m, views, y + 1);
-        for (int i = 0; i < views && y >= s->top; i++)
+        for (int i = 0; i < views && y >= m->v->top; i++)
             mean_row(&m[i], y);
     }
 }
@@ -238,17 +238,17 @@ static void optimise(const struct mapped *m, int bottom)
     struct sweep_view *v = m->v;
     int from = 0;
 
-    if (!s->top)
+    if (!v->top)
         clear_paths(s, v->path[v->row], v->least[v->row]);
-    for (int y = s->top; y < s->bottom; y++) {
-        path_row(m, y, 1, y - s->top, v->path, v->least, v->row, m->own->down + (size_t)(y - s->top) * s->packed);
+    for (int y = v->top; y < v->bottom; y++) {
+        path_row(m, y, 1, y - v->top, v->path, v->least, v->row, m->own->down + (size_t)(y - v->top) * s->packed);
         v->row = !v->row;
     }
     clear_paths(s, m->own->path[from], m->own->least[from]);
-    for (int y = bottom - 1; y >= s->top; y--) {
+    for (int y = bottom - 1; y >= v->top; y--) {
         path_row(m, y, -1, bottom - 1 - y, m->own->path, m->own->least, from, m->own->up);
         from = !from;
-        if (y < s->bottom)
+        if (y < v->bottom)
             choose_row(m, y);
     }
 }
@@ -257,10 +257,9 @@ int sweep_maps(void *arg, int group, int worker)
 {
     struct sweep *s = arg;
     const int first = group * s->together, end = sst_min_int(first + s->together, s->in->views);
-    const int bottom = s->again ? sst_min_int(s->bottom + SWEEP_LOOK, s->height) : s->bottom;
     struct sweep_scratch *own = &s->scratch[worker];
     struct mapped m[SWEEP_TOGETHER];
-    int views = 0;
+    int views = 0, bottom;
 
     if (s->in->cancel && *s->in->cancel)
         return -ECANCELED;
@@ -270,8 +269,10 @@ int sweep_maps(void *arg, int group, int worker)
             views++;
         }
     }
-    if (views)
-        mean_rows(m, views, bottom);
+    if (!views || m->v->top >= m->v->bottom)
+        return 0;
+    bottom = s->again ? sst_min_int(m->v->bottom + SWEEP_LOOK, s->height) : m->v->bottom;
+    mean_rows(m, views, bottom);
     for (int i = 0; s->again && i < views; i++)
         optimise(&m[i], bottom);
     return 0;

@@ -16,11 +16,12 @@
 #include "pipeline/method/sweep/sweep_internal.h"
 
 #define BYTES     ((size_t)3 << 30)
-#define TOLERANCE 2 /* planes that are nearer to each other are one surface */
-#define CLAIMS    3 /* views that must claim a plane at some pixel of a block, at most, ... */
-#define CLAIMED   9 /* ... or one view in this many voters, if that is fewer */
-#define REPEATED  1 /* times that the second round is repeated; in noise twice */
-#define BAND      8 /* rows of all planes that a thread computes: the views' rows stay in the cache */
+#define APART     ((size_t)256 << 20) /* bytes of planes from which on groups take turns apart */
+#define TOLERANCE 2                   /* planes that are nearer to each other are one surface */
+#define CLAIMS    3                   /* views that must claim a plane at some pixel of a block, at most, ... */
+#define CLAIMED   9                   /* ... or one view in this many voters, if that is fewer */
+#define REPEATED  1                   /* times that the second round is repeated; in noise twice */
+#define BAND      8                   /* rows of all planes that a thread computes: the views' rows stay in the cache */
 /* Thresholds of the second round: where views differ little from the consensus, and where they differ much, by noise or
  * by texture that whole pixels do not align. */
 static const struct {
@@ -105,6 +106,78 @@ static void choose_voters(struct sweep *s)
     }
 }
 
+/* Turns apart: groups whose first rows lie further down in the scene take their tiles later, so that views in work show
+ * rows of a plane that are near to each other, and few rows are kept. */
+static void take_turns_apart(struct sweep *s)
+{
+    const double middle = (s->in->disp_min_px + s->in->range / 2.0) / SWEEP_TILE;
+    double least = INFINITY;
+    int last = 0;
+
+    for (int pass = 0; pass < 2; pass++) {
+        for (int g = 0; g < s->groups; g++) {
+            double sum = 0;
+            int n = 0;
+
+            for (int k = g * s->together; k < sst_min_int((g + 1) * s->together, s->in->views); k++) {
+                sum += s->in->view[k].image ? middle * s->in->view[k].by : 0;
+                n += s->in->view[k].image != NULL;
+            }
+            if (n && !pass)
+                least = fmin(least, sum / n);
+            else if (n)
+                s->first_turn[g] = (int)floor(sum / n - least + 0.5);
+            last = sst_max_int(last, s->first_turn[g]);
+        }
+    }
+    s->turns += last;
+}
+
+static void set_tiles(struct sweep *s, int turn)
+{
+    for (int k = 0; k < s->in->views; k++) {
+        const int tile = turn - s->first_turn[k / s->together];
+
+        s->view[k].top = sst_clamp_int(tile * SWEEP_TILE, 0, s->height);
+        s->view[k].bottom = sst_clamp_int((tile + 1) * SWEEP_TILE, 0, s->height);
+    }
+}
+
+/* Rows of a plane that the views in work show. @return false: none */
+static bool shown_rows(const struct sweep *s, const struct sweep_plane *p, int *first, int *end)
+{
+    *first = INT32_MAX;
+    *end = INT32_MIN;
+    for (int k = 0; k < s->in->views; k++) {
+        const struct sweep_view *v = &s->view[k];
+        const int top = sst_max_int(v->top - 1, 0), bottom = sst_min_int(v->bottom + SWEEP_LOOK + 1, s->height);
+
+        if (!s->in->view[k].image || v->top >= v->bottom)
+            continue;
+        *first = sst_min_int(*first, top + p->shift[k][1]);
+        *end = sst_max_int(*end, bottom + p->shift[k][1]);
+    }
+    return *first < *end;
+}
+
+/* Rows that are kept: as many as the views of a turn show, and as are computed in one. */
+static int kept_rows(struct sweep *s, const struct sweep_plane *p)
+{
+    int rows = 0, to = p->y0;
+
+    for (int turn = 0; turn < s->turns; turn++) {
+        const int from = to;
+        int first, end;
+
+        set_tiles(s, turn);
+        if (!shown_rows(s, p, &first, &end))
+            continue;
+        to = sst_max_int(to, end);
+        rows = sst_max_int(rows, to - sst_min_int(first, from));
+    }
+    return rows;
+}
+
 /* Shifts of a plane, and the area that all views cover together. @return bytes of its consensus */
 static size_t place_plane(struct sweep *s, int i)
 {
@@ -112,8 +185,7 @@ static size_t place_plane(struct sweep *s, int i)
     struct sweep_plane *p = &s->plane[i];
     int right = INT32_MIN;
 
-    p->x0 = p->low = INT32_MAX;
-    p->high = INT32_MIN;
+    p->x0 = p->y0 = INT32_MAX;
     for (int k = 0; k < s->in->views; k++) {
         const struct sst_planesweep_view *v = &s->in->view[k];
         const int x = (int)floor(d * v->bx + 0.5), y = (int)floor(d * v->by + 0.5);
@@ -124,30 +196,42 @@ static size_t place_plane(struct sweep *s, int i)
         p->shift[k][1] = y;
         p->x0 = sst_min_int(p->x0, x);
         right = sst_max_int(right, x);
-        p->low = sst_min_int(p->low, y);
-        p->high = sst_max_int(p->high, y);
+        p->y0 = sst_min_int(p->y0, y);
     }
-    p->y0 = p->low;
-    p->y1 = p->high + s->height;
-    p->rows = sst_min_int(SWEEP_TILE + SWEEP_LOOK + 2 + p->high - p->low, p->y1 - p->y0);
+    p->rows = kept_rows(s, p);
     p->stride = sst_mem_stride((size_t)(right - p->x0) + (size_t)s->width, 1) + SST_CONSENSUS_BLOCK;
     p->blocks = (int)(p->stride / SST_CONSENSUS_BLOCK) - 1;
     return 4 * p->stride * (size_t)p->rows;
 }
 
+static size_t place_planes(struct sweep *s)
+{
+    size_t bytes = 0;
+
+    for (int i = 0; i < s->planes; i++)
+        bytes += place_plane(s, i);
+    return bytes;
+}
+
 static int make_planes(struct sweep *s)
 {
     const size_t most = s->in->bytes ? s->in->bytes : BYTES;
-    size_t bytes = 0;
+    size_t bytes;
 
     s->plane = calloc((size_t)s->planes, sizeof(*s->plane));
-    if (!s->plane)
+    s->first_turn = calloc((size_t)s->groups, sizeof(*s->first_turn));
+    if (!s->plane || !s->first_turn)
         return -ENOMEM;
     for (int i = 0; i < s->planes; i++) {
         s->plane[i].shift = calloc((size_t)s->in->views, sizeof(*s->plane[i].shift));
         if (!s->plane[i].shift)
             return -ENOMEM;
-        bytes += place_plane(s, i);
+    }
+    s->turns = (s->height + SWEEP_TILE - 1) / SWEEP_TILE;
+    bytes = place_planes(s);
+    if (bytes > APART || bytes > most) {
+        take_turns_apart(s);
+        bytes = place_planes(s);
     }
     if (bytes > most || s->planes > SWEEP_PLANES)
         return -E2BIG;
@@ -239,17 +323,17 @@ static int find_band(void *arg, int band, int worker SST_UNUSED)
     return 0;
 }
 
-/* The consensus of the rows that the tile needs and that are not there yet. */
-static int find_consensus(struct sweep *s)
+/* The consensus of the rows that the views in work show and that are not there yet. */
+static int find_consensus(struct sweep *s, bool first_turn)
 {
-    const int bottom = sst_min_int(s->bottom + SWEEP_LOOK + 1, s->height);
     int last = INT32_MIN, err;
 
     for (int i = 0; i < s->planes; i++) {
         struct sweep_plane *p = &s->plane[i];
+        int first, end;
 
-        p->from = s->top ? p->to : p->y0;
-        p->to = bottom + p->high;
+        p->from = first_turn ? p->y0 : p->to;
+        p->to = shown_rows(s, p, &first, &end) ? sst_max_int(end, p->from) : p->from;
         last = sst_max_int(last, p->to);
     }
     err = sst_parallel_for((last - find_first_band(s) + BAND - 1) / BAND, s->in->threads, find_band, s);
@@ -261,9 +345,9 @@ static int sweep_round(struct sweep *s, bool again)
     int err = 0;
 
     s->again = again;
-    for (s->top = 0; !err && s->top < s->height; s->top += SWEEP_TILE) {
-        s->bottom = sst_min_int(s->top + SWEEP_TILE, s->height);
-        err = find_consensus(s);
+    for (int turn = 0; !err && turn < s->turns; turn++) {
+        set_tiles(s, turn);
+        err = find_consensus(s, !turn);
         err = err ? err : sst_parallel_for(s->groups, s->workers, sweep_maps, s);
     }
     return err;
@@ -362,6 +446,7 @@ static void sweep_fini(struct sweep *s)
     }
     free(s->plane);
     free(s->view);
+    free(s->first_turn);
     sst_mem_free(s->all);
 }
 

@@ -19,8 +19,7 @@
 /** A plane of the scene: consensus of reference pixels (x, y), which view k has at (x, y) - shift[k]. */
 struct sweep_plane {
     int (*shift)[2]; /* [views] */
-    int x0, y0, y1;  /* first column, rows y0 .. y1 - 1 of all views together */
-    int low, high;   /* least and largest shift along y */
+    int x0, y0;      /* first column and row of all views together */
     int from, to;    /* rows that are computed next */
     int rows;        /* that are kept: row y is at (y - y0) % rows */
     size_t stride;
@@ -34,11 +33,13 @@ struct sweep_view {
     uint8_t *colour[3], *seen, *plane; /* seen: NULL: all pixels are; plane: of the map of the round before */
     uint8_t *path[2][2], *least[2][2]; /* of the row before and this one, by diagonal: [planes][stride], [stride] */
     int row;                           /* of path and least: which one is the row before */
+    int top, bottom;                   /* rows of the tile in work: none where top is not below bottom */
     int64_t costs[256];                /* pixels of the first round's map by cost */
 };
 
 /** Planes of a view in work, by SWEEP_GROUP rows and blocks of columns. */
 struct sweep_lists {
+    int first;              /* group of rows of the view that the lists begin with */
     uint8_t *on;            /* [groups][planes][blocks], 1: the block has the plane */
     uint8_t *plane, *count; /* [groups][blocks][planes], [groups][blocks] of struct sst_consensus_listed */
     uint8_t *own;           /* [planes][blocks] of a group: not 0: the view's map has the plane in the block */
@@ -74,7 +75,7 @@ struct sweep {
     uint8_t near, most, p2, claims;         /* of rounds after the first one */
     int together, groups;                   /* views of a group; groups of all views */
     int workers;                            /* threads that maps take */
-    int top, bottom;                        /* rows of the tile */
+    int turns, *first_turn;                 /* of all tiles; [groups]: of a group's first tile */
     struct sweep_scratch *scratch;          /* [workers] */
 };
 
@@ -97,7 +98,7 @@ void sweep_lists_fini(struct sweep_lists *l);
 /** List the planes of view k in the tile's rows, in the row above them and down to row `bottom`: in the first round
  * all, later the planes that are claimed at their pixels or at pixels beside them; with `own` fewer, near the planes of
  * the view's own map in the block. */
-void sweep_lists_make(const struct sweep *s, const struct sweep_lists *l, int k, int bottom);
+void sweep_lists_make(const struct sweep *s, struct sweep_lists *l, int k, int bottom);
 
 /** The planes of row y: [planes][blocks], and as lists. */
 const uint8_t *sweep_lists_on(const struct sweep *s, const struct sweep_lists *l, int y);
