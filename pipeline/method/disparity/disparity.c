@@ -20,6 +20,8 @@
 #define VOLUME_BYTES ((size_t)6 << 30)
 /* Times key_error above which key views of half size show that key views miss. */
 #define KEYS_MISS 2
+/* Percent of the reference view, by samples, above which maps of half size miss surfaces. */
+#define MISSED_MOST 12
 
 static int check_config(const struct sst_lightfield *lf, const struct sst_disparity_config *cfg)
 {
@@ -511,13 +513,19 @@ static void take_start(struct sst_map_u16 *out, struct disparity_run *half, int 
     }
 }
 
-/* Key views of half size, their maps carried to the others, unless they miss. */
+/* Key views of half size, their maps carried to the others, unless they miss surfaces: some of them, or all alike, as
+ * in closed gaps. */
 static int carry_half(struct disparity_run *half, double *error, int threads)
 {
+    double missed = 0;
     int err = allocate_workers(half, threads);
 
     err = err ? err : make_volumes(half, threads);
     err = err ? err : probe_carrying(half, half->workers, error);
+    if (!err && islessequal(*error, KEYS_MISS * half->cfg->key_error))
+        err = run_missed(half, threads, &missed);
+    if (missed > MISSED_MOST)
+        *error = INFINITY;
     if (!err && islessequal(*error, half->cfg->key_error))
         err = run_match(half, half->workers, NULL, NULL);
     free_first(half);
@@ -562,7 +570,7 @@ static int sweep_scene(struct disparity_run *run, int threads)
 
     if (!err && !used && !isgreater(error, KEYS_MISS * run->cfg->key_error))
         err = -EAGAIN;
-    err = err ? err : run_sweep(run, &used, threads);
+    err = err ? err : run_sweep(run, used, threads);
     if (!err && run->cfg->report) {
         run->cfg->report->views_error = used ? error : NAN;
         run->cfg->report->views_skipped = used ? run->cfg->report->views_skipped : 0;
@@ -600,7 +608,7 @@ static int match_keys(struct disparity_run *run, int threads, sst_progress_fn *p
     }
     if (!err && run->others && sweeps) {
         free_matching(run);
-        err = run_sweep(run, &(const struct sst_map_u16 *){ NULL }, threads);
+        err = run_sweep(run, NULL, threads);
         if (err != -E2BIG)
             return err;
         err = make_volumes(run, threads);

@@ -144,10 +144,13 @@ SST_MUST_CHECK int run_match(struct disparity_run *run, int threads, sst_progres
 /** Is it for views with so little texture? */
 bool run_may_sweep(const struct disparity_run *run);
 
+/** Percent of the reference view's pixels of which another disparity than its map's explains the colours better. */
+SST_MUST_CHECK int run_missed(const struct disparity_run *run, int threads, double *percent);
+
 /** Maps of all views by the sweep, and run->settled where they are not tested again.
- * @param start  maps of half size, see struct sst_planesweep; *start NULL: none, also out where they are of no use
+ * @param start  maps of half size, see struct sst_planesweep; NULL: none
  * @return 0, -E2BIG: nothing has changed but that no view is matched; -ENOMEM, -ECANCELED */
-SST_MUST_CHECK int run_sweep(struct disparity_run *run, const struct sst_map_u16 **start, int threads);
+SST_MUST_CHECK int run_sweep(struct disparity_run *run, const struct sst_map_u16 *start, int threads);
 
 /* --- windows.c: windows of disparities from a match of all views at fewer pixels --- */
 

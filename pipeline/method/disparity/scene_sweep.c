@@ -66,6 +66,29 @@ bool run_may_sweep(const struct disparity_run *run)
     return !run->cfg->frugal && reference->present && is_textured(&reference->image);
 }
 
+int run_missed(const struct disparity_run *run, int threads, double *percent)
+{
+    const struct sst_lightfield *lf = run->lf;
+    const int count = lf->rows * lf->cols;
+    struct sst_planesweep_view *view = calloc((size_t)count, sizeof(*view));
+    const struct sst_planesweep in = { .view = view,
+                                       .views = count,
+                                       .disp_min_px = run->disp_min * run->scale,
+                                       .range = run->range * run->scale,
+                                       .threads = threads,
+                                       .cancel = run->cfg->cancel };
+    int err = view ? 0 : -ENOMEM;
+
+    for (int k = 0; !err && k < count; k++) {
+        const struct sst_view *v = &lf->views[k];
+
+        view[k] = (struct sst_planesweep_view){ v->present ? &v->image : NULL, &v->valid, v->bx, v->by, NULL, NULL };
+    }
+    err = err ? err : sst_planesweep_missed(&in, lf->ref_view, &run->disp[lf->ref_view], run->scale, percent);
+    free(view);
+    return err;
+}
+
 /* Confidence of a view's map from its costs, and its settled pixels. @param most  cost of a settled pixel */
 static int settle(struct disparity_run *run, int view, int most)
 {
@@ -104,22 +127,7 @@ static int smooth(void *arg, int view, int worker SST_UNUSED)
     return err;
 }
 
-/* The sweep from the maps `*start`, or without them where they are of no use: then it becomes NULL. */
-static int sweep_planes(struct sst_planesweep *in, const struct sst_map_u16 **start)
-{
-    int err = sst_planesweep(in);
-
-    if (err != -EAGAIN)
-        return err;
-    for (int k = 0; k < in->views; k++) {
-        sst_map_u16_fini(in->view[k].disp);
-        sst_map_u8_fini(in->view[k].cost);
-    }
-    *start = in->start = NULL;
-    return sst_planesweep(in);
-}
-
-int run_sweep(struct disparity_run *run, const struct sst_map_u16 **start, int threads)
+int run_sweep(struct disparity_run *run, const struct sst_map_u16 *start, int threads)
 {
     const int count = run->lf->rows * run->lf->cols;
     struct sst_map_u8 *seen = calloc((size_t)count, sizeof(*seen));
@@ -143,15 +151,14 @@ int run_sweep(struct disparity_run *run, const struct sst_map_u16 **start, int t
         };
     }
     if (!err)
-        err = sweep_planes(&(struct sst_planesweep){ .view = view,
-                                                     .views = count,
-                                                     .disp_min_px = run->disp_min,
-                                                     .range = run->range,
-                                                     .bytes = run->cfg->memory,
-                                                     .start = *start,
-                                                     .threads = threads,
-                                                     .cancel = run->cfg->cancel },
-                           start);
+        err = sst_planesweep(&(struct sst_planesweep){ .view = view,
+                                                       .views = count,
+                                                       .disp_min_px = run->disp_min,
+                                                       .range = run->range,
+                                                       .bytes = run->cfg->memory,
+                                                       .start = start,
+                                                       .threads = threads,
+                                                       .cancel = run->cfg->cancel });
     if (err == -E2BIG) { /* all views are to be matched, as if there had been no map */
         sst_log_warning(
             "the sweep of this scene needs more memory than it may take: its views are matched one by one, which "
@@ -164,13 +171,13 @@ int run_sweep(struct disparity_run *run, const struct sst_map_u16 **start, int t
     }
     for (int k = 0; k < count; k++) {
         if (!err && run->settled[k].data)
-            err = settle(run, k, *start ? SETTLED_HALF : SETTLED);
+            err = settle(run, k, start ? SETTLED_HALF : SETTLED);
         if (half)
             sst_image_fini(&half[k]);
         if (seen)
             sst_map_u8_fini(&seen[k]);
     }
-    if (!err && *start)
+    if (!err && start)
         err = sst_parallel_for(count, threads, smooth, run);
     free(seen);
     free(half);

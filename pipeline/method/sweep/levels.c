@@ -136,38 +136,12 @@ static int sweep_size(const struct sst_planesweep *in, const struct sst_map_u16 
     return err == -E2BIG ? sweep_run(in, COARSE, start, whole, median) : err;
 }
 
-/* Median cost of the maps. */
-static int median_cost(const struct sst_planesweep *in)
-{
-    int64_t pixels[256] = { 0 }, all = 0, below = 0;
-    int cost = 0;
-
-    for (int k = 0; k < in->views; k++) {
-        for (int y = 0; in->view[k].image && y < in->view[k].cost->height; y++) {
-            const uint8_t *row = sst_map_u8_row(in->view[k].cost, y);
-
-            for (int x = 0; x < in->view[k].cost->width; x++)
-                pixels[row[x]]++;
-            all += in->view[k].cost->width;
-        }
-    }
-    for (; cost < 255; cost++) {
-        below += pixels[cost];
-        if (2 * below >= all)
-            break;
-    }
-    return cost;
-}
-
-/* Maps of whole size from maps that others made. Where these closed the gaps in an occluder, views that show other
- * things in them agree on no colour. */
+/* Maps of whole size from maps that others made. */
 static int sweep_start(const struct sst_planesweep *in)
 {
-    const int noise = (int)lround(NOISE_COST * sst_image_noise(first_image(in)));
-    int median = TEXTURE + noise;
-    const int err = sweep_size(in, in->start, true, &median);
+    int median = TEXTURE + (int)lround(NOISE_COST * sst_image_noise(first_image(in)));
 
-    return err || median_cost(in) <= SWEEP_SURE + noise ? err : -EAGAIN;
+    return sweep_size(in, in->start, true, &median);
 }
 
 int sst_planesweep(const struct sst_planesweep *in)

@@ -37,8 +37,19 @@ struct sst_planesweep {
  *
  * The maps are the same bytes for any number of threads and every CPU level.
  * @return 0, -ENOMEM, -ECANCELED, -E2BIG (the consensus would need more than `bytes`, or a range over 249 px more
- * planes than there are), -EAGAIN (the maps are there, but `start` does not explain the colours: sweep without it)
+ * planes than there are)
  */
 SST_MUST_CHECK int sst_planesweep(const struct sst_planesweep *in);
+
+/**
+ * Percent of a view's pixels, by samples, with colours that one view more shows at another disparity than at the map's:
+ * of surfaces that the map misses, such as closed gaps.
+ *
+ * @param map   of views 1/scale as large, 1/64 px of theirs above disp_min_px / scale
+ * @param percent  out; 0: too few samples
+ * @return 0, -ENOMEM, -ECANCELED
+ */
+SST_MUST_CHECK int sst_planesweep_missed(const struct sst_planesweep *in, int view, const struct sst_map_u16 *map,
+                                         int scale, double *percent);
 
 #endif
