@@ -255,6 +255,8 @@ static int finish_maps(struct disparity_run *run, int threads)
     } else if (run->fill) {
         err = err ? err : run_step(run, &disparity_check_step, threads);
         err = err ? err : run_step(run, &disparity_fill_step, threads);
+        if (run->settled && run->foliage && run->scale == 1)
+            err = err ? err : sst_disparity_lift(&in, run->filled, run->status, threads);
     }
     for (int k = 0; seen && k < count; k++)
         sst_map_u8_fini(&seen[k]);

@@ -23,6 +23,7 @@ struct disparity_run {
     bool *carried;                 /* [views] not matched, or after the key views; NULL: all are matched */
     struct sst_map_u8 *settled;    /* [views] of maps of a sweep in scene space: 255 where no other disparity is tested;
                                       NULL: there was none */
+    bool foliage;                  /* the sweep had its own first round */
     bool *matched;                 /* [views] by the first pass */
     bool others;                   /* the views that were to be carried are matched after all, with the others */
     int rounds;                    /* of the second pass */

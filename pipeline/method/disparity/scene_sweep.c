@@ -136,6 +136,7 @@ int run_sweep(struct disparity_run *run, const struct sst_map_u16 *start, int th
     struct sst_visible_views in = { 0 };
     int err = seen && half && view ? run_visible_views(run, &in, seen) : -ENOMEM;
 
+    run->foliage = !start;
     run->settled = calloc((size_t)count, sizeof(*run->settled));
     err = run->settled ? err : -ENOMEM;
     for (int k = 0; !err && k < count; k++) {

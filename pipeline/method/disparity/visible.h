@@ -215,6 +215,18 @@ void sst_around_list(uint16_t *list, uint8_t *count, const struct sst_around *a,
  */
 SST_MUST_CHECK int sst_disparity_subpixel(const struct sst_visible_views *in, int steps, int views, int threads);
 
+/**
+ * Give filled and doubtful pixels to a nearer surface beside them where they look like it, and most views show other
+ * colours at their own disparity: mixed colours of outlines, thin things.
+ *
+ * @param in      views of scale 1; `agreed`: 255 where a pixel is not in doubt
+ * @param filled  [count] dense maps of the views that are there
+ * @param status  [count] enum sst_disparity_check of their pixels before they were filled
+ * @return 0, -ENOMEM, -ECANCELED; the maps are unchanged then
+ */
+SST_MUST_CHECK int sst_disparity_lift(const struct sst_visible_views *in, struct sst_map_u16 *filled,
+                                      const struct sst_map_u8 *status, int threads);
+
 /** Give unknown pixels the farther of the nearest known disparities to their left and right, empty rows the disparities
  * of the next row. A map without any known pixel stays. */
 void sst_fill_background(struct sst_map_u16 *disp);
