@@ -295,6 +295,14 @@ SST_MUST_CHECK int sst_livepicture_remember(struct sst_livepicture *p, const str
 SST_MUST_CHECK int sst_livepicture_decorate(struct sst_livepicture *p, enum sst_livepicture_outline outline, bool tint,
                                             const struct sst_image **image);
 
+#define SST_LIVEPICTURE_ARRIVALS 4
+
+/** A surface that has come in front of the surfaces of a clear picture: an object, or chance. */
+struct sst_livepicture_arrival {
+    double box[4]; /* x0, y0, x1, y1 of the visible part in the reference view, px */
+    double disp_px;
+};
+
 /** About the last picture; all NaN or 0 for other methods. */
 struct sst_livepicture_clear {
     double cut_px;                   /* NaN: nothing is removed by depth */
@@ -302,6 +310,8 @@ struct sst_livepicture_clear {
     double oldest_s;                 /* of the pixel that was last seen longest ago */
     int objects;                     /* removed */
     bool moving;                     /* something moves behind moving leaves */
+    int arrivals;
+    struct sst_livepicture_arrival arrival[SST_LIVEPICTURE_ARRIVALS];
 };
 
 void sst_livepicture_clear(const struct sst_livepicture *p, struct sst_livepicture_clear *out);

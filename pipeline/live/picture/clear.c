@@ -42,6 +42,7 @@ struct picture_clear {
     struct picture_memory memory;
     struct picture_objects objects;
     struct picture_behind behind;
+    struct picture_arrivals arrivals;
     struct sst_map_u16 surface, sums;     /* sums: working memory of outlines; empty until the first ones */
     struct sst_map_u8 support, kind, cut; /* cut: 1: the reference view's pixel is removed */
     struct sst_livepicture_clear state;
@@ -54,6 +55,7 @@ int picture_clear_create(struct picture_clear **out, struct sst_live *live)
     const int w = live->lf.width, h = live->lf.height;
     int err = c ? picture_memory_init(&c->memory, w, h) : -ENOMEM;
 
+    err = err ? err : picture_arrivals_init(&c->arrivals, &c->memory);
     err = err ? err : sst_map_u16_init(&c->surface, w, h);
     err = err ? err : sst_map_u8_init(&c->support, w, h);
     err = err ? err : sst_map_u8_init(&c->kind, w, h);
@@ -77,6 +79,7 @@ void picture_clear_destroy(struct picture_clear *c)
     picture_memory_fini(&c->memory);
     picture_objects_fini(&c->objects);
     picture_behind_fini(&c->behind);
+    picture_arrivals_fini(&c->arrivals);
     sst_map_u16_fini(&c->surface);
     sst_map_u16_fini(&c->sums);
     sst_map_u8_fini(&c->support);
@@ -129,6 +132,9 @@ static int merge(void *arg, struct sst_image *img, struct sst_map_u8 *weight)
     if (!err && behind)
         picture_behind_explore(&c->behind, &c->memory);
     c->state.moving = behind && c->behind.moving >= MOVING;
+    c->arrivals.count = 0;
+    if (!err && c->state.moving)
+        picture_arrivals_find(&c->arrivals, &c->memory, &live->lf);
     return err;
 }
 
@@ -419,6 +425,8 @@ void picture_clear_state(const struct picture_clear *c, struct sst_livepicture_c
 {
     *out = c->state;
     out->objects = c->objects.count;
+    out->arrivals = c->arrivals.count;
+    memcpy(out->arrival, c->arrivals.at, sizeof(out->arrival));
 }
 
 /* --- clicks ------------------------------------------------------------------------------------------------------- */

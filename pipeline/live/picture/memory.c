@@ -126,12 +126,18 @@ static bool is_same(const struct picture_pixel *p, const uint8_t rgb[3], uint16_
     return p->disp != SST_DISP_NONE && abs(p->disp - disp) <= SAME_Q6 && colour_distance(p, rgb) <= SAME_LEVELS;
 }
 
-enum vote { VOTE_NONE = 0, VOTE_SAME = 1, VOTE_CHANGED = 2, VOTE_WEAK = 3 /* the neighbourhood decides */ };
+enum vote {
+    VOTE_NONE = 0,
+    VOTE_SAME = 1,
+    VOTE_CHANGED = 2,
+    VOTE_WEAK = 3, /* the neighbourhood decides */
+    VOTE_CAME = 4, /* changed, by a nearer surface */
+};
 
 /* A pixel that is seen: @return its vote on the neighbourhood */
 static enum vote see(const struct merge *g, struct picture_pixel *p, uint8_t rgb[3], uint16_t disp, int support)
 {
-    const bool known = p->disp != SST_DISP_NONE;
+    const bool known = p->disp != SST_DISP_NONE, nearer = known && support >= STRONG && disp > p->disp + SAME_Q6;
 
     if (is_same(p, rgb, disp)) {
         confirm(p, rgb, disp, support, g->now_ms);
@@ -142,7 +148,7 @@ static enum vote see(const struct merge *g, struct picture_pixel *p, uint8_t rgb
     if (known && support < STRONG && 2 * support < p->support && g->now_ms - p->seen_ms < MOVER_MS)
         return VOTE_WEAK;
     replace(p, rgb, disp, support, g->now_ms);
-    return known ? VOTE_CHANGED : VOTE_NONE;
+    return nearer ? VOTE_CAME : known ? VOTE_CHANGED : VOTE_NONE;
 }
 
 /* Has a pixel's surface come lately, as people and the wall behind them do? */
@@ -184,7 +190,9 @@ static void count_vote(const struct merge *g, const struct picture_pixel *p, enu
     if (vote == VOTE_WEAK)
         return;
     cell->same = (uint16_t)(cell->same + (vote == VOTE_SAME));
-    cell->changed = (uint16_t)(cell->changed + (vote == VOTE_CHANGED));
+    cell->changed = (uint16_t)(cell->changed + (vote == VOTE_CHANGED || vote == VOTE_CAME));
+    cell->came = (uint16_t)(cell->came + (vote == VOTE_CAME));
+    cell->came_disp += vote == VOTE_CAME ? p->disp : 0;
     cell->seen++;
     cell->disp += p->disp;
     cell->age_ms += g->now_ms - p->since_ms < AGE_MOST_MS ? g->now_ms - p->since_ms : AGE_MOST_MS;
@@ -247,6 +255,8 @@ static void sum_votes(const struct picture_memory *m, int level)
 
             v->same = (uint16_t)(v->same + from[x].same);
             v->changed = (uint16_t)(v->changed + from[x].changed);
+            v->came = (uint16_t)(v->came + from[x].came);
+            v->came_disp += from[x].came_disp;
             v->weak = (uint16_t)(v->weak + from[x].weak);
             v->seen = (uint16_t)(v->seen + from[x].seen);
             v->disp += from[x].disp;

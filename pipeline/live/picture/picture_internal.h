@@ -102,11 +102,12 @@ struct picture_pixel {
     uint32_t since_ms; /* ... and this surface first */
 };
 
-/** Pixels of a cell that are seen now: numbers of pixels that confirm their memory, have changed it, and contradict it with
- *  few rays; all but the last, with sums of their stored disparities and of the ages of their surfaces, ms. */
+/** Pixels of a cell that are seen now: numbers of pixels that confirm their memory, have changed it, and contradict it
+ * with few rays; all but the last, with sums of their stored disparities and of the ages of their surfaces, ms; came:
+ * changed to a nearer surface, with the sum of their stored disparities. */
 struct picture_votes {
-    uint16_t same, changed, weak, seen;
-    uint32_t disp, age_ms;
+    uint16_t same, changed, weak, seen, came;
+    uint32_t disp, age_ms, came_disp;
 };
 
 #define PICTURE_VOTE_LEVELS 6 /* cells of 4, 8 ... 128 px */
@@ -154,6 +155,22 @@ SST_MUST_CHECK int picture_memory_merge(struct picture_memory *m, const struct p
 
 /** Seconds since a remembered pixel was last seen. */
 double picture_memory_age_s(const struct picture_memory *m, int x, int y);
+
+/* --- arrivals.c: surfaces that have come in front of the ones before -----------------------------------------------
+ */
+
+struct picture_arrivals {
+    uint8_t *marked; /* [blocks] part of a region */
+    int *stack;      /* [blocks] */
+    int count;
+    struct sst_livepicture_arrival at[SST_LIVEPICTURE_ARRIVALS];
+};
+
+SST_MUST_CHECK int picture_arrivals_init(struct picture_arrivals *a, const struct picture_memory *m); /* -ENOMEM */
+void picture_arrivals_fini(struct picture_arrivals *a);
+
+/** Find the arrivals of the set that the memory was last merged with. */
+void picture_arrivals_find(struct picture_arrivals *a, const struct picture_memory *m, const struct sst_lightfield *lf);
 
 /* --- objects.c: objects that a user has removed ------------------------------------------------------------------- */
 
@@ -208,7 +225,8 @@ void picture_clear_destroy(struct picture_clear *c);
 /** Take over the memory of another clear picture, for the next one that is rendered. */
 void picture_clear_remember(struct picture_clear *c, const struct picture_clear *from);
 
-/** As sst_livepicture_render(). @param whole  the image shows something else @param image  out, of the light field's size */
+/** As sst_livepicture_render(). @param whole  the image shows something else @param image  out, of the light field's
+ * size */
 SST_MUST_CHECK int picture_clear_render(struct picture_clear *c, const struct sst_render_config *cfg, bool whole,
                                         struct sst_image *image, int64_t *rendered_px);
 /** Draw outlines and tint of the last picture. @param image  in, out, a copy of it */
