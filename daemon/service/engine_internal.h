@@ -157,6 +157,13 @@ struct sized {
     int64_t from_ns;
 };
 
+/** An arrival of the clear picture that is no track yet, as of the last set with it. */
+struct engine_unconfirmed {
+    uint32_t id;
+    struct sst_livepicture_arrival at;
+    int64_t t_ns;
+};
+
 /** A visit, or its end, that a line may be crossed after: a new track may go on where it was last. */
 struct visit_lost {
     struct visit_point last;
@@ -193,7 +200,9 @@ struct live_engine {
     int64_t last_ns, retry_ns;
     int64_t updated_ns; /* when the light field was last brought up to date */
     bool moved;         /* a watched set has changes that are not processed */
-    bool moving;        /* something moves in a picture of the last set */
+    bool moving;        /* something moves in a picture of the last set; its arrivals: */
+    struct sst_livepicture_arrival arrival[SST_LIVEPICTURE_ARRIVALS];
+    int arrivals;
     uint64_t set_index; /* the set that the pictures show; its time zero and wall time */
     int64_t set_t_ns, set_wall_ns;
     int64_t tried_t_ns;    /* the last set that was processed, or could not be; 0: none */
@@ -240,6 +249,9 @@ struct live_engine {
     int tracks;
     uint64_t tracks_set; /* the set that they are of, and its time */
     int64_t tracks_t_ns, tracks_wall_ns;
+    struct engine_unconfirmed unconfirmed[SST_LIVEPICTURE_ARRIVALS];
+    int unconfirmeds;
+    uint32_t unconfirmed_ids; /* so far */
 };
 
 /* engine_state.c */
@@ -297,6 +309,9 @@ void engine_preview_end(struct live_engine *v);
 /* engine_tracks.c */
 /** Tracks of the last set, for views, clients and visits. Live thread. */
 void engine_tracks_follow(struct live_engine *v);
+/** Follow the arrivals of the clear picture, until they are tracks. They may be chance: they get a box and nothing
+ * else. */
+void engine_unconfirmed_follow_locked(struct live_engine *v);
 /** The track of this id, or at a point of the reference view at about this disparity. NULL: none */
 const struct sst_live_track *engine_track_locked(const struct live_engine *v, uint32_t id);
 const struct sst_live_track *engine_track_at_locked(const struct live_engine *v, double x, double y, double disp_px);

@@ -9,7 +9,63 @@
 #include "daemon/service/engine_internal.h"
 #include "daemon/service/service_internal.h"
 
-#define TRACK_PX 3.0 /* of the disparities of one thing */
+#define TRACK_PX 3.0 /* of the disparities of one thing, or ... */
+#define TRACK    0.3 /* ... this fraction of the disparity: depths behind leaves are less exact */
+#define APART    0.5 /* of the height: distance between boxes of one thing, since a track lags on a slow machine */
+#define HOLD_NS  INT64_C(1000000000) /* that an unconfirmed object lasts without news */
+
+/* --- unconfirmed objects ------------------------------------------------------------------------------------------ */
+
+static bool is_one(const double a[4], double a_px, const double b[4], double b_px)
+{
+    const double apart = APART * fmax(a[3] - a[1], b[3] - b[1]);
+
+    return fmax(a[0], b[0]) - fmin(a[2], b[2]) < apart && fmax(a[1], b[1]) - fmin(a[3], b[3]) < apart &&
+           fabs(a_px - b_px) <= fmax(TRACK_PX, TRACK * fmax(a_px, b_px));
+}
+
+static bool is_track(const struct live_engine *v, const struct engine_unconfirmed *u)
+{
+    bool is = false;
+
+    for (int i = 0; i < v->tracks; i++)
+        is |= is_one(u->at.box, u->at.disp_px, v->track[i].at, v->track[i].disp_px);
+    return is;
+}
+
+static void add_arrival(struct live_engine *v, const struct sst_livepicture_arrival *at)
+{
+    struct engine_unconfirmed *u = v->unconfirmed, *end = u + v->unconfirmeds;
+
+    while (u < end && (u->t_ns == v->set_t_ns || !is_one(at->box, at->disp_px, u->at.box, u->at.disp_px)))
+        u++;
+    if (u == &v->unconfirmed[ARRAY_LEN(v->unconfirmed)])
+        return;
+    if (u == end) {
+        v->unconfirmeds++;
+        u->id = ++v->unconfirmed_ids;
+    }
+    u->at = *at;
+    u->t_ns = v->set_t_ns;
+}
+
+void engine_unconfirmed_follow_locked(struct live_engine *v)
+{
+    int kept = 0;
+
+    for (int i = 0; i < v->arrivals; i++)
+        add_arrival(v, &v->arrival[i]);
+    v->arrivals = 0;
+    for (int i = 0; i < v->unconfirmeds; i++) {
+        const struct engine_unconfirmed u = v->unconfirmed[i];
+
+        if (u.t_ns <= v->set_t_ns && v->set_t_ns - u.t_ns < HOLD_NS && !is_track(v, &u))
+            v->unconfirmed[kept++] = u;
+    }
+    v->unconfirmeds = kept;
+}
+
+/* --- tracks ------------------------------------------------------------------------------------------------------- */
 
 void engine_tracks_follow(struct live_engine *v)
 {
@@ -23,6 +79,7 @@ void engine_tracks_follow(struct live_engine *v)
     v->tracks_set = v->set_index;
     v->tracks_t_ns = v->set_t_ns;
     v->tracks_wall_ns = v->set_wall_ns;
+    engine_unconfirmed_follow_locked(v);
     engine_removed_locked(v);
     pthread_mutex_unlock(&v->lock);
 }
@@ -69,18 +126,31 @@ json_t *engine_track_json_locked(const struct live_engine *v, const struct sst_l
         (double)(v->tracks_t_ns - t->first_ns) / 1e9, "seen", seen);
 }
 
+static json_t *unconfirmed_json_locked(const struct live_engine *v, const struct engine_unconfirmed *u)
+{
+    const double *box = u->at.box;
+    char seen[SST_CLOCK_TEXT];
+
+    sst_clock_text(seen, v->tracks_wall_ns - (v->tracks_t_ns - u->t_ns));
+    return json_pack("{s:I, s:[f, f, f, f], s:f, s:o, s:s}", "id", (json_int_t)u->id, "box", box[0], box[1], box[2],
+                     box[3], "disparity_px", u->at.disp_px, "distance_m",
+                     sst_api_real(engine_distance_m(v, u->at.disp_px)), "seen", seen);
+}
+
 int engine_tracks(void *engine, struct sst_api_answer *out)
 {
     struct live_engine *v = engine;
-    json_t *list = json_array();
+    json_t *list = json_array(), *unconfirmed = json_array();
     char time[SST_CLOCK_TEXT];
 
     pthread_mutex_lock(&v->lock);
     for (int i = 0; i < v->tracks; i++)
         json_array_append_new(list, engine_track_json_locked(v, &v->track[i]));
+    for (int i = 0; i < v->unconfirmeds; i++)
+        json_array_append_new(unconfirmed, unconfirmed_json_locked(v, &v->unconfirmed[i]));
     sst_clock_text(time, v->tracks_wall_ns);
-    out->body = json_pack("{s:I, s:s?, s:o}", "set", (json_int_t)v->tracks_set, "time", v->tracks_wall_ns ? time : NULL,
-                          "tracks", list);
+    out->body = json_pack("{s:I, s:s?, s:o, s:o}", "set", (json_int_t)v->tracks_set, "time",
+                          v->tracks_wall_ns ? time : NULL, "tracks", list, "unconfirmed", unconfirmed);
     pthread_mutex_unlock(&v->lock);
     return out->body ? 0 : -ENOMEM;
 }

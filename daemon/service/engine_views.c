@@ -129,8 +129,8 @@ static int check_share_locked(const struct live_engine *v, const char *client, c
         own += v->view[i].used && !strcmp(v->view[i].client, client);
     if (own < most)
         return 0;
-    return sst_api_refuse(error, -EOVERFLOW, "this client has %d views already, the rest of web: views is for others; close one",
-                          own);
+    return sst_api_refuse(error, -EOVERFLOW,
+                          "this client has %d views already, the rest of web: views is for others; close one", own);
 }
 
 /* @return 0, -EPERM */
@@ -138,7 +138,8 @@ int engine_view_check_client(const struct view *e, const char *client, char erro
 {
     if (!client[0] || !strcmp(e->client, client))
         return 0;
-    return sst_api_refuse(error, -EPERM, "the view %s is another client's; create one, or use the control token", e->id);
+    return sst_api_refuse(error, -EPERM, "the view %s is another client's; create one, or use the control token",
+                          e->id);
 }
 
 int engine_view_create(void *engine, const char *client, const json_t *settings, struct sst_api_answer *out)
@@ -408,13 +409,17 @@ static bool render_view(struct live_engine *v, struct view *e, const struct view
         o->rendering = ++v->renderings;
     sst_livepicture_clear(o->picture, &shown);
     v->moving |= shown.moving;
+    if (rendered_px && shown.arrivals > v->arrivals) {
+        v->arrivals = shown.arrivals;
+        memcpy(v->arrival, shown.arrival, sizeof(v->arrival));
+    }
     pthread_mutex_lock(&v->lock);
     first = !e->shown_version;
     e->shown_focus_px = render.focus_px;
     e->shown = shown;
     pthread_mutex_unlock(&v->lock);
-    if (e->shown_rendering == o->rendering && e->shown_outline == outline && e->shown_tint == settings->tint && !first &&
-        v->events)
+    if (e->shown_rendering == o->rendering && e->shown_outline == outline && e->shown_tint == settings->tint &&
+        !first && v->events)
         return false;
     e->shown_rendering = o->rendering;
     e->shown_outline = outline;
@@ -526,7 +531,7 @@ void engine_publish(struct live_engine *v)
     outdated = !v->events && v->config_seen != v->config_count;
     pthread_mutex_unlock(&v->lock);
     if ((!v->set_index && !v->set_t_ns) || outdated)
-        return; /* no set yet, or another moment of the recording is to come */
+        return;                        /* no set yet, or another moment of the recording is to come */
     made = publish_views(v, true, ns); /* a viewer waits for no picture that is only recorded */
     if (made && v->latency_due)
         note_latency(v, ns);
@@ -582,7 +587,8 @@ int64_t engine_end_of_wait(void)
     return sst_clock_now_ns() + FRESH_MS * INT64_C(1000000);
 }
 
-/** Wait, a little, until the picture shows the present: it may not have been made for long. A recorded one is there at once. */
+/** Wait, a little, until the picture shows the present: it may not have been made for long. A recorded one is there at
+ * once. */
 static void await_view_locked(struct live_engine *v, const char *id)
 {
     const int64_t end_ns = engine_end_of_wait();

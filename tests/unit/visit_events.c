@@ -316,9 +316,11 @@ static void lines_count_what_is_wanted(void **state)
     expect_line("drive", "forward");
 }
 
-/* --- names by size and motion, removed things, pace ---------------------------------------------------------------- */
+/* --- names by size and motion, removed things, pace ----------------------------------------------------------------
+ */
 
-/* Somebody of a size walks to the right, in 2 sets a second; named as on the live thread. @return the label of the visit,
+/* Somebody of a size walks to the right, in 2 sets a second; named as on the live thread. @return the label of the
+ * visit,
  * "": none */
 static const char *named(double width_m, double height_m, double m_s, bool hidden)
 {
@@ -361,12 +363,12 @@ static void persons_are_named_by_size_and_motion(void **state)
     assert_string_equal(text_of(found, "label_by"), "size and motion");
     json_decref(found);
     assert_string_equal(named(0.9, 1.3, 0.5, false), "Pedestrian");
-    assert_string_equal(named(0.6, 2.6, 0.6, true), "");   /* too tall */
-    assert_string_equal(named(0.5, 0.6, 0.6, false), "");  /* a dog */
-    assert_string_equal(named(1.9, 1.5, 0.5, false), "");  /* not upright */
-    assert_string_equal(named(0.6, 1.8, 0.1, true), "");   /* it stands, or sways */
-    assert_string_equal(named(0.6, 1.8, 6.0, false), "");  /* faster than anybody walks */
-    v->live_config.calibration = NULL; /* sizes are not known */
+    assert_string_equal(named(0.6, 2.6, 0.6, true), "");  /* too tall */
+    assert_string_equal(named(0.5, 0.6, 0.6, false), ""); /* a dog */
+    assert_string_equal(named(1.9, 1.5, 0.5, false), ""); /* not upright */
+    assert_string_equal(named(0.6, 1.8, 0.1, true), "");  /* it stands, or sways */
+    assert_string_equal(named(0.6, 1.8, 6.0, false), ""); /* faster than anybody walks */
+    v->live_config.calibration = NULL;                    /* sizes are not known */
     assert_string_equal(named(0.6, 1.8, 0.6, true), "");
     engine_names_follow(v, &t, 1);
     assert_int_equal(t.label, 9); /* the network's stays */
@@ -378,7 +380,8 @@ static void removed_tracks_are_reported(void **state)
 {
     (void)state;
     v->state.cut_px = 8;
-    v->track[0] = (struct sst_live_track){ .id = 3, .label = sst_classes_find(&v->classes, "Pedestrian"), .disp_px = 11.4 };
+    v->track[0] =
+        (struct sst_live_track){ .id = 3, .label = sst_classes_find(&v->classes, "Pedestrian"), .disp_px = 11.4 };
     v->track[1] = (struct sst_live_track){ .id = 4, .disp_px = 7 };
     v->tracks = 2;
     engine_removed_locked(v);
@@ -411,13 +414,13 @@ static void too_slow_is_noticed(void **state)
     json_t *o;
 
     (void)state;
-    assert_true(engine_pace_slow(0.3, 5, false));   /* below 2 a second */
-    assert_true(engine_pace_slow(4, 10, false));    /* more than half are passed over */
+    assert_true(engine_pace_slow(0.3, 5, false)); /* below 2 a second */
+    assert_true(engine_pace_slow(4, 10, false));  /* more than half are passed over */
     assert_false(engine_pace_slow(6, 10, false));
-    assert_true(engine_pace_slow(6, 10, true));     /* that ends later than it begins */
+    assert_true(engine_pace_slow(6, 10, true)); /* that ends later than it begins */
     assert_false(engine_pace_slow(7, 10, true));
-    assert_false(engine_pace_slow(1, 1, false));    /* no more come */
-    v->live = (struct sst_live *)v;                 /* not looked into */
+    assert_false(engine_pace_slow(1, 1, false)); /* no more come */
+    v->live = (struct sst_live *)v;              /* not looked into */
     v->state.ready = true;
     pace(1, 4);
     assert_false(v->state.too_slow); /* it has only started */
@@ -449,6 +452,79 @@ static void too_slow_is_noticed(void **state)
 }
 
 /* Boxes end by the time of the last sighting: of this set, or of the one in which the track was seen last. */
+/* Boxes of /api/v1/tracks that are no tracks yet. */
+static json_t *unconfirmed(void)
+{
+    struct sst_api_answer answer = { 0 };
+    json_t *list;
+
+    assert_int_equal(engine_tracks(v, &answer), 0);
+    list = json_incref(json_object_get(answer.body, "unconfirmed"));
+    json_decref(answer.body);
+    assert_true(json_is_array(list));
+    return list;
+}
+
+/* A set with something that came into the clear picture, or not. @return unconfirmed ones */
+static size_t come(double x, double disp_px, json_t **first)
+{
+    static json_t *kept;
+    json_t *list;
+    size_t n;
+
+    v->arrivals = disp_px > 0;
+    v->arrival[0] = (struct sst_livepicture_arrival){ { x, 200, x + 40, 350 }, disp_px };
+    engine_tracks_follow(v);
+    v->set_t_ns += SET_NS;
+    v->set_wall_ns += SET_NS;
+    list = unconfirmed();
+    n = json_array_size(list);
+    json_decref(kept);
+    kept = n ? json_incref(json_array_get(list, 0)) : NULL;
+    json_decref(list);
+    if (first)
+        *first = kept;
+    return n;
+}
+
+static void what_comes_has_a_box_before_its_track(void **state SST_UNUSED)
+{
+    const struct sst_live_track t = {
+        .id = 7, .hidden = true, .at = { 190, 210, 240, 330 }, .disp_px = 9, .seen_ns = v->set_t_ns
+    };
+    json_int_t id;
+    json_t *u;
+
+    assert_int_equal(come(100, 10, &u), 1);
+    id = json_integer_value(json_object_get(u, "id"));
+    assert_true(fabs(json_number_value(json_object_get(u, "distance_m")) - 5) < 1e-9);
+    assert_int_equal(come(140, 10, &u), 1); /* it goes on */
+    assert_int_equal(json_integer_value(json_object_get(u, "id")), id);
+    assert_true(fabs(json_number_value(json_array_get(json_object_get(u, "box"), 0)) - 140) < 1e-9);
+    assert_int_equal(come(0, 0, NULL), 1); /* half a second without news, and a second */
+    assert_int_equal(come(0, 0, NULL), 0);
+    assert_int_equal(come(140, 10, &u), 1);
+    assert_int_not_equal(json_integer_value(json_object_get(u, "id")), id);
+    assert_int_equal(come(400, 10, NULL), 2); /* another one */
+    assert_int_equal(come(400, 20, NULL), 2); /* and one nearer */
+    assert_null(next("visit"));               /* nothing comes of boxes */
+
+    v->arrivals = v->unconfirmeds = 0;
+    v->track[0] = t;
+    v->tracks = 1;
+    v->arrivals = 1;
+    v->arrival[0] = (struct sst_livepicture_arrival){ { 200, 200, 240, 350 }, 10 };
+    engine_unconfirmed_follow_locked(v);
+    assert_int_equal(v->unconfirmeds, 0); /* it has a track */
+    v->arrivals = 1;
+    v->arrival[0].disp_px = 15;
+    engine_unconfirmed_follow_locked(v);
+    assert_int_equal(v->unconfirmeds, 1);
+    v->set_t_ns -= 2 * SET_NS; /* a recording is played again */
+    engine_unconfirmed_follow_locked(v);
+    assert_int_equal(v->unconfirmeds, 0);
+}
+
 static void tracks_say_when_they_were_seen(void **state)
 {
     struct sst_live_track t = { .id = 12, .state = SST_LIVE_TRACK_SEEN, .seen_ns = 4 * SET_NS };
@@ -468,7 +544,8 @@ static void tracks_say_when_they_were_seen(void **state)
     (void)state;
 }
 
-/* --- crossings over a gap ------------------------------------------------------------------------------------------ */
+/* --- crossings over a gap ------------------------------------------------------------------------------------------
+ */
 
 /* A new track with its foot at a point. */
 static void stand_as(uint32_t id, double x, double disp_px)
@@ -556,6 +633,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(persons_are_named_by_size_and_motion, setup, teardown),
         cmocka_unit_test_setup_teardown(removed_tracks_are_reported, setup, teardown),
         cmocka_unit_test_setup_teardown(too_slow_is_noticed, setup, teardown),
+        cmocka_unit_test_setup_teardown(what_comes_has_a_box_before_its_track, setup, teardown),
         cmocka_unit_test_setup_teardown(tracks_say_when_they_were_seen, setup, teardown),
         cmocka_unit_test_setup_teardown(who_is_lost_at_a_line_crosses_it, setup, teardown),
         cmocka_unit_test_setup_teardown(views_share_the_picture_of_main, setup, teardown),
