@@ -1,4 +1,5 @@
-// Boxes around all that moves, with label and distance, in every mode; and the badge of things that the clear picture is without.
+// Boxes around all that moves, with label and distance, in every mode, also before it is a track; and the badge of things that the clear
+// picture is without.
 // SPDX-FileCopyrightText: 2026 The sst contributors
 // SPDX-License-Identifier: Apache-2.0
 
@@ -23,9 +24,10 @@ export class Boxes {
     this.app = app;
     this.stage = stage;
     this.tracks = [];
+    this.unconfirmed = []; // {id, box, distance_m, seen}
     this.set_ms = NaN;   // time of their set
     this.behind_ms = 0;  // age of the set before, in the picture, when this one came
-    this.nodes = new Map(); // by number of the track
+    this.nodes = new Map(); // by number of the track, or "u" and the id of an unconfirmed object
     this.wake = () => {};
     this.keeps = false;     // nothing that moves is removed
     this.on = storage(KEY) !== "off";
@@ -51,30 +53,35 @@ export class Boxes {
   async follow() {
     for (;;) {
       await visible();
-      const { time, tracks } = await this.app.view.tracks().catch(() => ({ tracks: [] })); // the next status request reports why not
-      this.take(Date.parse(time), tracks);
+      const { time, tracks, unconfirmed } = await this.app.view.tracks().catch(() => ({ tracks: [] })); // the next status request reports why not
+      this.take(Date.parse(time), tracks, unconfirmed);
       await new Promise((done) => setTimeout(done, LEAST_MS));
       await new Promise((done) => {
         this.wake = done;
-        setTimeout(done, this.tracks.length ? ASK_MS : REST_MS);
+        setTimeout(done, this.any() ? ASK_MS : REST_MS);
       });
     }
   }
 
-  take(set_ms, tracks) {
+  any() {
+    return this.tracks.length + this.unconfirmed.length > 0;
+  }
+
+  take(set_ms, tracks, unconfirmed = []) {
     if (finite(set_ms) && set_ms !== this.set_ms) {
       const behind_ms = this.stage.drawn_ms() - this.set_ms;
       this.behind_ms = finite(behind_ms) ? Math.min(Math.max(behind_ms, 0), BEHIND_MS) : 0;
       this.set_ms = set_ms;
     }
     this.tracks = tracks;
+    this.unconfirmed = unconfirmed;
     this.show();
   }
 
   /** A new picture is drawn: its tracks are known, and earlier ones may be over. */
   picture() {
     this.wake();
-    if (this.tracks.length) this.show();
+    if (this.any()) this.show();
   }
 
   /** Was a track seen just before the picture that is shown, or before the last set where that brings none? By time: a slow machine has few sets.
@@ -101,13 +108,16 @@ export class Boxes {
     const cut = this.app.mode === "clear" && !this.stage.overlays.camera ? fresh.filter((track) => this.isCut(track)) : [];
     $("boxes-on").setAttribute("aria-pressed", this.on);
     $("boxes").hidden = !this.on;
+    const others = this.unconfirmed.filter((thing) => this.isFresh(thing));
+    const keys = new Set([...fresh.map(({ track }) => track), ...others.map(({ id }) => `u${id}`)]);
     this.showBadge(cut);
-    for (const [track, node] of this.nodes)
-      if (!fresh.some((other) => other.track === track)) {
+    for (const [key, node] of this.nodes)
+      if (!keys.has(key)) {
         node.remove();
-        this.nodes.delete(track);
+        this.nodes.delete(key);
       }
     for (const track of fresh) this.showBox(track, cut.includes(track) && !this.keeps);
+    for (const thing of others) this.showUnconfirmed(thing);
   }
 
   /** "1 person removed, 4.4 m"; pressed, it brings them back. */
@@ -124,13 +134,24 @@ export class Boxes {
     badge.setAttribute("aria-pressed", this.keeps);
   }
 
-  showBox(track, removed) {
-    if (!this.nodes.has(track.track)) {
+  node(key) {
+    if (!this.nodes.has(key)) {
       const node = el("div", { class: "box" }, el("span", {}));
-      this.nodes.set(track.track, node);
+      this.nodes.set(key, node);
       $("boxes").append(node);
     }
-    const node = this.nodes.get(track.track);
+    return this.nodes.get(key);
+  }
+
+  showUnconfirmed(thing) {
+    const node = this.node(`u${thing.id}`);
+    node.dataset.state = "unconfirmed";
+    setText(node.firstElementChild, ["Something moves", metres(thing)].filter(Boolean).join(" · "));
+    this.place(node, thing.box);
+  }
+
+  showBox(track, removed) {
+    const node = this.node(track.track);
     const ago = this.ago(track);
     node.dataset.state = removed ? "removed" : ago || track.state === "covered" ? "covered" : track.hidden ? "hidden" : "";
     setText(node.firstElementChild, [capital(word(track)), metres(track), removed ? "removed" : "", ago].filter(Boolean).join(" · "));

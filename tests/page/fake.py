@@ -133,6 +133,7 @@ class Service:
         self.late_s = 0  # delay of visits' pictures
         self.patch, self.camera_patch = {}, {}
         self.tracks = []  # as of /api/v1/tracks, of a set as long ago as:
+        self.unconfirmed = []  # of the same answer
         self.tracks_late_s = 0
         self.tracks_at = None  # time of the last set, while none is processed
         self.views = {"main": dict(copy.deepcopy(SETTINGS), removed=set(), viewers=0, seen=math.inf)}
@@ -413,7 +414,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
             merge(s.patch, body.get("status", {}))
             for name, patch in body.get("cameras", {}).items():
                 s.camera_patch.setdefault(name, {}).update(patch)
-            for key in ("role", "views_max", "refuse", "hold", "old", "computing", "stall", "preview", "hold_videos", "tracks", "many", "masks", "pause", "late_s", "tracks_late_s", "tracks_at"):
+            for key in ("role", "views_max", "refuse", "hold", "old", "computing", "stall", "preview", "hold_videos", "tracks", "unconfirmed", "many", "masks", "pause", "late_s", "tracks_late_s", "tracks_at"):
                 if key in body:
                     setattr(s, key, body[key])
             for e in body.get("events", []):
@@ -467,7 +468,8 @@ class Handler(http.server.BaseHTTPRequestHandler):
         elif path == "/api/v1/tracks":
             at = datetime.datetime.fromisoformat(s.tracks_at) if s.tracks_at else now() - datetime.timedelta(seconds=s.tracks_late_s)
             self.answer(200, {"set": 1, "time": stamp(at), "tracks": [
-                {"seen": stamp(at - datetime.timedelta(seconds=t.get("unseen_s", 0))), **t} for t in s.tracks]})
+                {"seen": stamp(at - datetime.timedelta(seconds=t.get("unseen_s", 0))), **t} for t in s.tracks],
+                "unconfirmed": [{"seen": stamp(at), **u} for u in s.unconfirmed]})
         elif path == "/api/v1/views":
             with s.lock:
                 self.answer(200, {"views": [s.view_json(name) for name in s.views]})
