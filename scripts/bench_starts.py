@@ -69,7 +69,7 @@ def service(build, sstd, to, port):
     world = f"{to}/world.yaml"
     write(world, "scene: hedge\nstrip: false\n")
     write(f"{to}/sstd.yaml", CONFIG.format(dir=to, port=port))
-    subprocess.run([f"{build}/sst-sim", "--parameters", f"{to}/cameras", "--world", world], check=True, stdout=subprocess.DEVNULL)
+    subprocess.run([f"{build}/sst-sim", "--parameters", f"{to}/cameras.yaml", "--world", world], check=True, stdout=subprocess.DEVNULL)
     return [f"{build}/sst-sim", "--quiet", "--world", world, "--", sstd, "--config", f"{to}/sstd.yaml"]
 
 
@@ -84,7 +84,7 @@ class Start:
         end = time.time() + 60
         while not (os.path.exists(token) and os.path.getsize(token)):
             if time.time() > end or self.process.poll() is not None:
-                raise SystemExit(f"the demo did not start; see {self.dir}/log")
+                raise SystemExit(f"the service did not start; see {self.dir}/log")
             time.sleep(0.2)
         with open(token) as f:
             self.headers = {"Authorization": "Bearer " + f.read().strip()}

@@ -124,6 +124,24 @@ static void a_walker_has_a_box_at_once(void **state SST_UNUSED)
     close_shown(&s);
 }
 
+/* Another cut shows other surfaces, which have not come. */
+static void another_picture_has_none_for_a_second(void **state SST_UNUSED)
+{
+    struct shown s;
+
+    open_shown(&s);
+    paint_wall(&s);
+    assert_int_equal(next(&s), 0);
+    picture_arrivals_rest(&s.arrivals, s.t_ms * 1000000);
+    assert_int_equal(set(&s, (struct sst_rect){ 40, 30, 72, 130 }, 1, MANY), 0);
+    s.t_ms += 700;
+    assert_int_equal(set(&s, (struct sst_rect){ 80, 30, 112, 130 }, 1, MANY), 0);
+    assert_int_equal(set(&s, (struct sst_rect){ 120, 30, 152, 130 }, 1, MANY), 1);
+    picture_arrivals_rest(&s.arrivals, s.t_ms * 1000000 + INT64_C(5000000000)); /* time has gone back */
+    assert_int_equal(set(&s, (struct sst_rect){ 160, 30, 192, 130 }, 1, MANY), 1);
+    close_shown(&s);
+}
+
 static void two_walkers_have_two(void **state SST_UNUSED)
 {
     struct shown s;
@@ -158,6 +176,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_walker_has_a_box_at_once),
+        cmocka_unit_test(another_picture_has_none_for_a_second),
         cmocka_unit_test(two_walkers_have_two),
         cmocka_unit_test(chance_has_none),
     };

@@ -20,6 +20,7 @@
 #define CAME     256  /* nearer pixels of a region, at least */
 #define WIDEST   0.5  /* of the picture: chance agreement of leaves spreads */
 #define NEW_MS   3000 /* that a pixel's surface has been there */
+#define REST_NS  INT64_C(1000000000)
 #define REACH_PX 1.25 /* of disparities about a region's, or ... */
 #define REACH    0.1  /* ... this fraction of it */
 
@@ -36,6 +37,19 @@ void picture_arrivals_fini(struct picture_arrivals *a)
     free(a->marked);
     free(a->stack);
     *a = (struct picture_arrivals){ 0 };
+}
+
+void picture_arrivals_rest(struct picture_arrivals *a, int64_t t_ns)
+{
+    a->rest_ns = t_ns;
+}
+
+/* Where time goes back, as in a recording, nothing is known of the surfaces before. */
+static bool is_resting(struct picture_arrivals *a, int64_t t_ns)
+{
+    if (a->rest_ns && (t_ns < a->rest_ns || t_ns - a->rest_ns >= REST_NS))
+        a->rest_ns = 0;
+    return a->rest_ns != 0;
 }
 
 struct region {
@@ -122,6 +136,8 @@ void picture_arrivals_find(struct picture_arrivals *a, const struct picture_memo
 
     memset(a->marked, 0, (size_t)m->cols[LEVEL] * (size_t)m->rows[LEVEL]);
     a->count = 0;
+    if (is_resting(a, m->last_ns))
+        return;
     while (a->count < SST_LIVEPICTURE_ARRIVALS && (seed = find_seed(a, m)) >= 0) {
         const struct picture_votes *v = &m->level[LEVEL][seed];
         const uint16_t disp = (uint16_t)(v->came_disp / v->came);

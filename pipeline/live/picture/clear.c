@@ -384,19 +384,22 @@ int picture_clear_render(struct picture_clear *c, const struct sst_render_config
     struct sst_render_config wanted = *cfg;
     const struct sst_render_merge step = { merge, c, &c->surface, &c->support,
                                            live->cfg.skip_change ? &c->kept : NULL, is_late(c) };
-    bool changed;
+    bool changed, other;
     int err = 0;
 
     if (c->serial != live->serial)
         err = picture_objects_follow(&c->objects, &live->lf, live->focus.t_ns, live->cfg.threads);
     resolve(c, &wanted);
-    changed = whole || !c->rendered || c->serial != live->serial || c->present_serial != live->present_serial ||
-              c->objects_shown != c->objects_version ||
-              !same(wanted.cut_px, c->cfg.cut_px) || wanted.remove_label != c->cfg.remove_label;
+    other = whole || !c->rendered || c->present_serial != live->present_serial ||
+            c->objects_shown != c->objects_version || !same(wanted.cut_px, c->cfg.cut_px) ||
+            wanted.remove_label != c->cfg.remove_label;
+    changed = other || c->serial != live->serial;
     *rendered_px = 0;
     if (err || !changed)
         return err;
     check_memory(c);
+    if (other)
+        picture_arrivals_rest(&c->arrivals, live->focus.t_ns);
     c->rendered = false;
     c->cfg = wanted;
     wanted.merge = &step;

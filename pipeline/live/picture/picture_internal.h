@@ -162,12 +162,17 @@ double picture_memory_age_s(const struct picture_memory *m, int x, int y);
 struct picture_arrivals {
     uint8_t *marked; /* [blocks] part of a region */
     int *stack;      /* [blocks] */
+    int64_t rest_ns; /* there are none for a while from this time on; 0: there may be */
     int count;
     struct sst_livepicture_arrival at[SST_LIVEPICTURE_ARRIVALS];
 };
 
 SST_MUST_CHECK int picture_arrivals_init(struct picture_arrivals *a, const struct picture_memory *m); /* -ENOMEM */
 void picture_arrivals_fini(struct picture_arrivals *a);
+
+/** From now on the picture shows other surfaces of the same scene, as with another cut: there are no arrivals for a
+ * second. */
+void picture_arrivals_rest(struct picture_arrivals *a, int64_t t_ns);
 
 /** Find the arrivals of the set that the memory was last merged with. */
 void picture_arrivals_find(struct picture_arrivals *a, const struct picture_memory *m, const struct sst_lightfield *lf);
