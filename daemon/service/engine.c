@@ -65,7 +65,7 @@ static void close_live(struct live_engine *v)
     v->live = NULL;
     v->served_t_ns = 0;
     v->state.ready = v->state.counted = v->refit = v->state.too_slow = false;
-    v->pace_from_s = v->losts = v->sizeds = v->arrivals = v->unconfirmeds = 0;
+    v->pace_from_s = v->losts = v->sizeds = v->unconfirmeds = 0;
     v->state.levels = (struct sst_samples){ 0, 0 };
     v->state.surface = (struct sst_live_surface){ .distance_mm = NAN, .tilt_deg = NAN };
     v->state.cut_px = v->state.searched_min_px = v->state.searched_max_px = NAN;
@@ -293,7 +293,6 @@ static int update(struct live_engine *v, const struct sst_kept *kept, uint64_t d
         return err;
     v->updated_ns = start_ns;
     v->moved = v->moving = false;
-    v->arrivals = 0;
     pthread_mutex_lock(&v->lock);
     v->state.dropped += dropped;
     v->behind = false;

@@ -200,9 +200,7 @@ struct live_engine {
     int64_t last_ns, retry_ns;
     int64_t updated_ns; /* when the light field was last brought up to date */
     bool moved;         /* a watched set has changes that are not processed */
-    bool moving;        /* something moves in a picture of the last set; its arrivals: */
-    struct sst_livepicture_arrival arrival[SST_LIVEPICTURE_ARRIVALS];
-    int arrivals;
+    bool moving;        /* something moves in a picture of the last set */
     uint64_t set_index; /* the set that the pictures show; its time zero and wall time */
     int64_t set_t_ns, set_wall_ns;
     int64_t tried_t_ns;    /* the last set that was processed, or could not be; 0: none */
@@ -252,6 +250,7 @@ struct live_engine {
     struct engine_unconfirmed unconfirmed[SST_LIVEPICTURE_ARRIVALS];
     int unconfirmeds;
     uint32_t unconfirmed_ids; /* so far */
+    int64_t arrivals_t_ns;    /* set whose arrivals are among them */
 };
 
 /* engine_state.c */
@@ -310,8 +309,9 @@ void engine_preview_end(struct live_engine *v);
 /** Tracks of the last set, for views, clients and visits. Live thread. */
 void engine_tracks_follow(struct live_engine *v);
 /** Follow the arrivals of the clear picture, until they are tracks. They may be chance: they get a box and nothing
- * else. */
-void engine_unconfirmed_follow_locked(struct live_engine *v);
+ * else.
+ *  @param shown  a picture of the last set, before viewers have it: the first with arrivals counts; NULL: none */
+void engine_unconfirmed_follow_locked(struct live_engine *v, const struct sst_livepicture_clear *shown);
 /** The track of this id, or at a point of the reference view at about this disparity. NULL: none */
 const struct sst_live_track *engine_track_locked(const struct live_engine *v, uint32_t id);
 const struct sst_live_track *engine_track_at_locked(const struct live_engine *v, double x, double y, double disp_px);

@@ -49,13 +49,14 @@ static void add_arrival(struct live_engine *v, const struct sst_livepicture_arri
     u->t_ns = v->set_t_ns;
 }
 
-void engine_unconfirmed_follow_locked(struct live_engine *v)
+void engine_unconfirmed_follow_locked(struct live_engine *v, const struct sst_livepicture_clear *shown)
 {
+    const bool fresh = shown && shown->arrivals && v->arrivals_t_ns != v->set_t_ns;
     int kept = 0;
 
-    for (int i = 0; i < v->arrivals; i++)
-        add_arrival(v, &v->arrival[i]);
-    v->arrivals = 0;
+    for (int i = 0; fresh && i < shown->arrivals; i++)
+        add_arrival(v, &shown->arrival[i]);
+    v->arrivals_t_ns = fresh ? v->set_t_ns : v->arrivals_t_ns;
     for (int i = 0; i < v->unconfirmeds; i++) {
         const struct engine_unconfirmed u = v->unconfirmed[i];
 
@@ -79,7 +80,7 @@ void engine_tracks_follow(struct live_engine *v)
     v->tracks_set = v->set_index;
     v->tracks_t_ns = v->set_t_ns;
     v->tracks_wall_ns = v->set_wall_ns;
-    engine_unconfirmed_follow_locked(v);
+    engine_unconfirmed_follow_locked(v, NULL);
     engine_removed_locked(v);
     pthread_mutex_unlock(&v->lock);
 }

@@ -409,11 +409,9 @@ static bool render_view(struct live_engine *v, struct view *e, const struct view
         o->rendering = ++v->renderings;
     sst_livepicture_clear(o->picture, &shown);
     v->moving |= shown.moving;
-    if (rendered_px && shown.arrivals > v->arrivals) {
-        v->arrivals = shown.arrivals;
-        memcpy(v->arrival, shown.arrival, sizeof(v->arrival));
-    }
     pthread_mutex_lock(&v->lock);
+    if (rendered_px)
+        engine_unconfirmed_follow_locked(v, &shown);
     first = !e->shown_version;
     e->shown_focus_px = render.focus_px;
     e->shown = shown;

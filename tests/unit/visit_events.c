@@ -472,13 +472,19 @@ static size_t come(double x, double disp_px, json_t **first)
     json_t *list;
     size_t n;
 
-    v->arrivals = disp_px > 0;
-    v->arrival[0] = (struct sst_livepicture_arrival){ { x, 200, x + 40, 350 }, disp_px };
+    const struct sst_livepicture_clear shown = { .arrivals = disp_px > 0,
+                                                 .arrival = { { { x, 200, x + 40, 350 }, disp_px } } };
+
+    engine_unconfirmed_follow_locked(v, &shown);
+    engine_unconfirmed_follow_locked(v, &shown); /* of another view */
+    list = unconfirmed();
+    n = json_array_size(list); /* known with the picture, before its tracks */
+    json_decref(list);
     engine_tracks_follow(v);
     v->set_t_ns += SET_NS;
     v->set_wall_ns += SET_NS;
     list = unconfirmed();
-    n = json_array_size(list);
+    assert_int_equal(json_array_size(list), n);
     json_decref(kept);
     kept = n ? json_incref(json_array_get(list, 0)) : NULL;
     json_decref(list);
@@ -492,6 +498,7 @@ static void what_comes_has_a_box_before_its_track(void **state SST_UNUSED)
     const struct sst_live_track t = {
         .id = 7, .hidden = true, .at = { 190, 210, 240, 330 }, .disp_px = 9, .seen_ns = v->set_t_ns
     };
+    struct sst_livepicture_clear shown = { .arrivals = 1, .arrival = { { { 200, 200, 240, 350 }, 10 } } };
     json_int_t id;
     json_t *u;
 
@@ -509,19 +516,17 @@ static void what_comes_has_a_box_before_its_track(void **state SST_UNUSED)
     assert_int_equal(come(400, 20, NULL), 2); /* and one nearer */
     assert_null(next("visit"));               /* nothing comes of boxes */
 
-    v->arrivals = v->unconfirmeds = 0;
+    v->unconfirmeds = 0;
     v->track[0] = t;
     v->tracks = 1;
-    v->arrivals = 1;
-    v->arrival[0] = (struct sst_livepicture_arrival){ { 200, 200, 240, 350 }, 10 };
-    engine_unconfirmed_follow_locked(v);
+    engine_unconfirmed_follow_locked(v, &shown);
     assert_int_equal(v->unconfirmeds, 0); /* it has a track */
-    v->arrivals = 1;
-    v->arrival[0].disp_px = 15;
-    engine_unconfirmed_follow_locked(v);
+    v->set_t_ns += SET_NS;
+    shown.arrival[0].disp_px = 15;
+    engine_unconfirmed_follow_locked(v, &shown);
     assert_int_equal(v->unconfirmeds, 1);
     v->set_t_ns -= 2 * SET_NS; /* a recording is played again */
-    engine_unconfirmed_follow_locked(v);
+    engine_unconfirmed_follow_locked(v, NULL);
     assert_int_equal(v->unconfirmeds, 0);
 }
 
