@@ -169,7 +169,7 @@ class Start:
                   "rows_p10": float(np.percentile(heights, 10)), "boxed": sum(bool(at[2]) for at in of) / max(len(of), 1)}
         soon = bool(passes)
         for p in passes:
-            box, track = (next((t - p[0][0] for t, _, found, _ in p if any(map(has, found))), np.inf) for has in (bool, lambda b: "track" in b))
+            box, track = (next((t - p[0][0] for t, _, found, _ in p if any(map(has, found))), np.inf) for has in (bool, lambda b: "state" in b))
             result[f"pass {passes.index(p) + 1} at s"] = f"{p[0][0] - self.pictures[0][0]:.0f} (box {box:.2f}, track {track:.2f})"
             soon = soon and box <= SOON_S
         result |= {"removed": removed, "sets_s": self.live.get("rate_hz")}

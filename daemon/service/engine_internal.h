@@ -157,9 +157,9 @@ struct sized {
     int64_t from_ns;
 };
 
-/** An arrival of the clear picture that is no track yet, as of the last set with it. */
+/** An arrival of the clear picture, as of the last set with it. */
 struct engine_unconfirmed {
-    uint32_t id;
+    uint32_t id, track; /* track: at the same place, seen before; 0: none */
     struct sst_livepicture_arrival at;
     int64_t t_ns;
 };
@@ -308,7 +308,7 @@ void engine_preview_end(struct live_engine *v);
 /* engine_tracks.c */
 /** Tracks of the last set, for views, clients and visits. Live thread. */
 void engine_tracks_follow(struct live_engine *v);
-/** Follow the arrivals of the clear picture, until they are tracks. They may be chance: they get a box and nothing
+/** Follow the arrivals of the clear picture, until tracks are as new. They may be chance: they get a box and nothing
  * else.
  *  @param shown  a picture of the last set, before viewers have it: the first with arrivals counts; NULL: none */
 void engine_unconfirmed_follow_locked(struct live_engine *v, const struct sst_livepicture_clear *shown);

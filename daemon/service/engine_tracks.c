@@ -24,13 +24,12 @@ static bool is_one(const double a[4], double a_px, const double b[4], double b_p
            fabs(a_px - b_px) <= fmax(TRACK_PX, TRACK * fmax(a_px, b_px));
 }
 
-static bool is_track(const struct live_engine *v, const struct engine_unconfirmed *u)
+static const struct sst_live_track *track_at(const struct live_engine *v, const struct sst_livepicture_arrival *at)
 {
-    bool is = false;
-
     for (int i = 0; i < v->tracks; i++)
-        is |= is_one(u->at.box, u->at.disp_px, v->track[i].at, v->track[i].disp_px);
-    return is;
+        if (is_one(at->box, at->disp_px, v->track[i].at, v->track[i].disp_px))
+            return &v->track[i];
+    return NULL;
 }
 
 static void add_arrival(struct live_engine *v, const struct sst_livepicture_arrival *at)
@@ -58,9 +57,11 @@ void engine_unconfirmed_follow_locked(struct live_engine *v, const struct sst_li
         add_arrival(v, &shown->arrival[i]);
     v->arrivals_t_ns = fresh ? v->set_t_ns : v->arrivals_t_ns;
     for (int i = 0; i < v->unconfirmeds; i++) {
-        const struct engine_unconfirmed u = v->unconfirmed[i];
+        struct engine_unconfirmed u = v->unconfirmed[i];
+        const struct sst_live_track *t = track_at(v, &u.at);
 
-        if (u.t_ns <= v->set_t_ns && v->set_t_ns - u.t_ns < HOLD_NS && !is_track(v, &u))
+        u.track = t ? t->id : 0;
+        if (u.t_ns <= v->set_t_ns && v->set_t_ns - u.t_ns < HOLD_NS && !(t && t->seen_ns > u.t_ns))
             v->unconfirmed[kept++] = u;
     }
     v->unconfirmeds = kept;
@@ -133,9 +134,9 @@ static json_t *unconfirmed_json_locked(const struct live_engine *v, const struct
     char seen[SST_CLOCK_TEXT];
 
     sst_clock_text(seen, v->tracks_wall_ns - (v->tracks_t_ns - u->t_ns));
-    return json_pack("{s:I, s:[f, f, f, f], s:f, s:o, s:s}", "id", (json_int_t)u->id, "box", box[0], box[1], box[2],
-                     box[3], "disparity_px", u->at.disp_px, "distance_m",
-                     sst_api_real(engine_distance_m(v, u->at.disp_px)), "seen", seen);
+    return json_pack("{s:I, s:I, s:[f, f, f, f], s:f, s:o, s:s}", "id", (json_int_t)u->id, "track",
+                     (json_int_t)u->track, "box", box[0], box[1], box[2], box[3], "disparity_px", u->at.disp_px,
+                     "distance_m", sst_api_real(engine_distance_m(v, u->at.disp_px)), "seen", seen);
 }
 
 int engine_tracks(void *engine, struct sst_api_answer *out)

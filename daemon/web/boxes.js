@@ -24,7 +24,7 @@ export class Boxes {
     this.app = app;
     this.stage = stage;
     this.tracks = [];
-    this.unconfirmed = []; // {id, box, distance_m, seen}
+    this.unconfirmed = []; // {id, track, box, distance_m, seen}
     this.set_ms = NaN;   // time of their set
     this.behind_ms = 0;  // age of the set before, in the picture, when this one came
     this.nodes = new Map(); // by number of the track, or "u" and the id of an unconfirmed object
@@ -108,7 +108,8 @@ export class Boxes {
     const cut = this.app.mode === "clear" && !this.stage.overlays.camera ? fresh.filter((track) => this.isCut(track)) : [];
     $("boxes-on").setAttribute("aria-pressed", this.on);
     $("boxes").hidden = !this.on;
-    const others = this.unconfirmed.filter((thing) => this.isFresh(thing));
+    const come = this.unconfirmed.filter((thing) => this.isFresh(thing));
+    const others = come.filter((thing) => !fresh.some(({ track }) => track === thing.track));
     const keys = new Set([...fresh.map(({ track }) => track), ...others.map(({ id }) => `u${id}`)]);
     this.showBadge(cut);
     for (const [key, node] of this.nodes)
@@ -116,7 +117,8 @@ export class Boxes {
         node.remove();
         this.nodes.delete(key);
       }
-    for (const track of fresh) this.showBox(track, cut.includes(track) && !this.keeps);
+    for (const track of fresh) // a newer place, if there is one
+      this.showBox(track, cut.includes(track) && !this.keeps, come.find((thing) => thing.track === track.track)?.box ?? track.at ?? track.box);
     for (const thing of others) this.showUnconfirmed(thing);
   }
 
@@ -150,13 +152,13 @@ export class Boxes {
     this.place(node, thing.box);
   }
 
-  showBox(track, removed) {
+  showBox(track, removed, at) {
     const node = this.node(track.track);
     const ago = this.ago(track);
     node.dataset.state = removed ? "removed" : ago || track.state === "covered" ? "covered" : track.hidden ? "hidden" : "";
     setText(node.firstElementChild, [capital(word(track)), metres(track), removed ? "removed" : "", ago].filter(Boolean).join(" · "));
     node.title = track.label_by === "size and motion" ? "By size and motion" : "";
-    this.place(node, track.at ?? track.box);
+    this.place(node, at);
   }
 
   /** The part of the box that is in sight; its caption stays inside the picture. */

@@ -276,7 +276,7 @@ def test_boxes(b, fake):
     b.wait(f"{said} === 'Person · 4.4 m · removed' && !{badge}.hidden")
     fake.set(tracks=[])
     b.wait(f"{badge}.hidden && document.querySelectorAll('.box').length === 0")
-    come = {"id": 1, "box": [0.5 * size[0], 0.25 * size[1], 0.75 * size[0], size[1]], "disparity_px": 8.5, "distance_m": 7.71}
+    come = {"id": 1, "track": 0, "box": [0.5 * size[0], 0.25 * size[1], 0.75 * size[0], size[1]], "disparity_px": 8.5, "distance_m": 7.71}
     fake.set(unconfirmed=[come])  # no track yet: a box, and no badge
     b.wait(f"{said} === 'Something moves · 7.7 m' && document.querySelector('.box').dataset.state === 'unconfirmed' && {badge}.hidden")
     check(b.js("document.querySelector('.box').style.left") == "50%", "the box of what came is elsewhere")
@@ -284,6 +284,10 @@ def test_boxes(b, fake):
     b.wait(f"{said} === 'Something moves'")
     fake.set(unconfirmed=[], tracks=[other])
     b.wait(f"{said} === 'Moving thing · 7.7 m' && document.querySelector('.box').dataset.state === 'hidden'")
+    check(b.js("document.querySelector('.box').style.left") == "25%", "the box of the track is elsewhere")
+    fake.set(unconfirmed=[{**come, "track": other["track"]}])  # the track is older than the picture
+    b.wait(f"{said} === 'Moving thing · 7.7 m' && document.querySelector('.box').style.left === '50%'")
+    fake.set(unconfirmed=[])
     fake.set(tracks=[])
     b.wait("document.querySelectorAll('.box').length === 0")
     mode(b, "sst")

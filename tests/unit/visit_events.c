@@ -520,11 +520,16 @@ static void what_comes_has_a_box_before_its_track(void **state SST_UNUSED)
     v->track[0] = t;
     v->tracks = 1;
     engine_unconfirmed_follow_locked(v, &shown);
-    assert_int_equal(v->unconfirmeds, 0); /* it has a track */
+    assert_int_equal(v->unconfirmeds, 1);
+    assert_int_equal(v->unconfirmed[0].track, 7); /* which the slower search has not seen there yet */
+    v->track[0].seen_ns = v->set_t_ns + 1;
+    engine_unconfirmed_follow_locked(v, NULL);
+    assert_int_equal(v->unconfirmeds, 0);
     v->set_t_ns += SET_NS;
     shown.arrival[0].disp_px = 15;
     engine_unconfirmed_follow_locked(v, &shown);
     assert_int_equal(v->unconfirmeds, 1);
+    assert_int_equal(v->unconfirmed[0].track, 0);
     v->set_t_ns -= 2 * SET_NS; /* a recording is played again */
     engine_unconfirmed_follow_locked(v, NULL);
     assert_int_equal(v->unconfirmeds, 0);
