@@ -80,7 +80,7 @@ def nerf():
         json.dump({"camera_angle_x": 2 * math.atan(48 / 90), "frames": frames}, open(at("transforms.json"), "w"))
         return
     json.dump({"camera_model": "OPENCV_FISHEYE" if fault == "fisheye" else "OPENCV", "w": 96, "h": 64, "fl_x": 90, "k4": .1 if fault == "k4" else 0,
-               "applied_transform": [1] if fault == "applied" else [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]],
+               "k1": "much" if fault == "k1" else 0, "cx": [48] if fault == "cx" else None, "applied_transform": [1] if fault == "applied" else [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]],
                "frames": {} if fault == "object" else frames}, open(at("transforms.json"), "w"))
 
 def sfm():
@@ -88,8 +88,8 @@ def sfm():
              for n, c in zip(names, centres)}
     points = {str(i): {"coordinates": [.1 * i, 0, -3 if fault == "behind" else 3]} for i in range(9)}
     small = [{"cameras": {}, "shots": {"gone.png": {}}}] if fault == "small" else []
-    json.dump(small + [{"cameras": {"a": {"projection_type": "spherical" if fault == "sphere" else "perspective", "width": 96, "height": 64, "focal": .9, "k1": 0, "k2": 0}},
-                "shots": [] if fault == "list" else shots, "points": points}], open(at("reconstruction.json"), "w"))
+    json.dump(small + [{"cameras": {"a": {"projection_type": "spherical" if fault == "sphere" else "perspective", "width": 96, "height": 64, "focal": 1e-9 if fault == "focal" else .9, "k1": "much" if fault == "k1" else 0, "k2": 0}},
+                "shots": [] if fault == "list" else shots, "points": [1] if fault == "points" else points}], open(at("reconstruction.json"), "w"))
 
 def geo():
     pitch = {"dji": -90, "up": 180, "turn": 7000}.get(fault, 0)
@@ -243,11 +243,16 @@ bad "frames is not a list" nerf object
 bad "OPENCV_FISHEYE is not one" nerf fisheye
 bad "k4 is not 0" nerf k4
 bad "last row" nerf row
+bad "k1 is not a number" nerf k1
+bad "cx is not a number" nerf cx
 bad "applied_transform" nerf applied
 bad "spherical is not one" sfm sphere
 bad "not in the list of cameras" sfm camera
 bad "radians" sfm degrees
 bad "look away" sfm behind
+bad "k1 is not a number" sfm k1
+bad "focal length is below 1 px" sfm focal
+bad "points is not an object" sfm points
 bad "not an object" sfm list
 bad "first line .EPSG:31468" geo srs --focal 90
 bad "first line .leaf_1.png.*EPSG:4326" geo first --focal 90

@@ -9,25 +9,25 @@
 #include "pipeline/posed/import/import.h"
 #include "pipeline/posed/posed_internal.h"
 
-#define MODEL_NAME  512                 /* bytes of a picture's name in a source */
-#define MODEL_BYTES ((size_t)1 << 30)   /* of a source's file */
+#define MODEL_NAME  512               /* bytes of a picture's name in a source */
+#define MODEL_BYTES ((size_t)1 << 30) /* of a source's file */
 #define METRE_MM    1000.0
 
 /** View as a source describes it. */
 struct model_view {
-    char name[MODEL_NAME];          /* of the picture, as the source writes it */
-    char path[SST_PATH_MAX];        /* of the picture, once it is found */
-    int file;                       /* number of the source's file with its pose, where there are several */
-    int width, height;              /* of the pictures that the lens is of; 0: unknown */
-    double angle[2];                /* across width and height, rad, of a lens that waits for the pictures' size; 0: unknown */
+    char name[MODEL_NAME];   /* of the picture, as the source writes it */
+    char path[SST_PATH_MAX]; /* of the picture, once it is found */
+    int file;                /* number of the source's file with its pose, where there are several */
+    int width, height;       /* of the pictures that the lens is of; 0: unknown */
+    double angle[2];         /* across width and height, rad, of a lens that waits for the pictures' size; 0: unknown */
     struct sst_calib_camera camera; /* known: placed; fx 0: the lens is unknown; position in the source's unit */
 };
 
 /** All that a source says; lengths in its unit. */
 struct model {
     const struct sst_posed_import_config *cfg;
-    const char *format;   /* "COLMAP" */
-    const char *path;     /* of the file being read, for messages */
+    const char *format; /* "COLMAP" */
+    const char *path;   /* of the file being read, for messages */
     struct model_view *view;
     int count, capacity;
     int other; /* pictures without a pose that are left out */
@@ -55,7 +55,8 @@ int model_fault(const struct model *m, const char *name, const char *fault);
  */
 const char *model_place(struct model_view *v, const double R[9], const double t[3]);
 
-/** Set a lens with pixel centres at halves. @param k  OpenCV's order @param n  0, 4, 5 or 8 @return NULL, or the fault */
+/** Set a lens with pixel centres at halves. @param k  OpenCV's order @param n  0, 4, 5 or 8 @return NULL, or the fault
+ */
 const char *model_lens(struct model_view *v, const double focal_centre[4], const double *k, int n);
 
 /** Reserve points; more than can be stored are thinned by model_keeps_point(). @return 0, -ENOMEM (logged) */
@@ -69,6 +70,9 @@ void model_observe(struct model *m, const struct sst_calib_camera *camera, const
 
 /** A number, also as a text. @return false: neither, or not finite */
 bool model_number(const json_t *value, double *out);
+
+/** Values of these keys are numbers, null or missing. @return NULL, or the fault */
+const char *model_check_numbers(const json_t *object, const char *const *keys, size_t n);
 
 /** A list of n numbers, or of rows of numbers. @return false: another count, or no numbers */
 bool model_numbers(const json_t *list, double *out, int n);
@@ -89,7 +93,8 @@ read_model_fn *model_reader(char path[SST_PATH_MAX], const char *source);
 /** Is this file of MATLAB's? */
 bool matlab_is(const uint8_t *data, size_t size);
 
-/** The lens of cameraParameters; width and height of the view stay 0 where the file has none. @return 0, -EBADMSG; logged
+/** The lens of cameraParameters; width and height of the view stay 0 where the file has none. @return 0, -EBADMSG;
+ * logged
  */
 SST_MUST_CHECK int matlab_lens(struct model_view *v, const uint8_t *data, size_t size, const char *path);
 

@@ -3,6 +3,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -11,6 +12,7 @@
 #include "pipeline/posed/import/import_internal.h"
 
 #define ROTATION_MISS 1e-3 /* largest error of R R^T that is rounding */
+#define LEAST_FOCAL   1.0  /* px, as of the option */
 #define TURNS         20   /* of the iteration to the nearest rotation */
 
 struct model_view *model_add(struct model *m, const char *name)
@@ -114,12 +116,17 @@ const char *model_lens(struct model_view *v, const double focal_centre[4], const
         if (!(k[i] == 0)) /* NaN counts */
             c->lens = i < 5 ? sst_max_int(c->lens, 5) : 8;
     }
-    lens = (struct sst_calib_camera){
-        .fx = c->fx, .fy = c->fy, .cx = c->cx, .cy = c->cy, .lens = c->lens,
-        .rotation = { 1, 0, 0, 0, 1, 0, 0, 0, 1 }, .gain = { 1, 1, 1 }
-    };
+    lens = (struct sst_calib_camera){ .fx = c->fx,
+                                      .fy = c->fy,
+                                      .cx = c->cx,
+                                      .cy = c->cy,
+                                      .lens = c->lens,
+                                      .rotation = { 1, 0, 0, 0, 1, 0, 0, 0, 1 },
+                                      .gain = { 1, 1, 1 } };
     memcpy(lens.k, c->k, sizeof(lens.k));
     fault = sst_camera_fault(&lens);
+    if (!fault && fmin(lens.fx, lens.fy) < LEAST_FOCAL)
+        fault = "the focal length is below 1 px";
     if (fault)
         snprintf(text, sizeof(text), "its lens: %s", fault);
     return fault ? text : NULL;
@@ -170,6 +177,22 @@ bool model_number(const json_t *value, double *out)
     }
     *out = json_number_value(value);
     return json_is_number(value) && isfinite(*out);
+}
+
+const char *model_check_numbers(const json_t *object, const char *const *keys, size_t n)
+{
+    static _Thread_local char text[64];
+
+    for (size_t i = 0; i < n; i++) {
+        const json_t *value = json_object_get(object, keys[i]);
+        double number;
+
+        if (!value || json_is_null(value) || model_number(value, &number))
+            continue;
+        snprintf(text, sizeof(text), "%s is not a number", keys[i]);
+        return text;
+    }
+    return NULL;
 }
 
 static bool add_numbers(const json_t *value, double *out, int n, int *found)

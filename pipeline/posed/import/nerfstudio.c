@@ -1,5 +1,5 @@
-/* nerfstudio's transforms.json, and instant-ngp's. Matrices take points from the camera's axes (x right, y up, z back) into
- * the world; pixel centres are at halves. applied_transform was applied to the world, and is undone. */
+/* nerfstudio's transforms.json, and instant-ngp's. Matrices take points from the camera's axes (x right, y up, z back)
+ * into the world; pixel centres are at halves. applied_transform was applied to the world, and is undone. */
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
@@ -29,10 +29,14 @@ static bool text_among(const json_t *value, const char *const *texts, size_t n)
 
 static const char *read_lens(struct model_view *v, const json_t *frame, const json_t *root)
 {
-    static const char *const keys[] = { "k1", "k2", "p1", "p2", "k3" };
+    static const char *const keys[] = { "k1", "k2", "p1", "p2", "k3", "k4", "w", "h", "fl_x", "fl_y", "cx", "cy" };
     const double pi = 3.14159265358979323846;
     double lens[4], k[5] = { 0 }, size[2] = { 0, 0 }, k4 = 0, angle;
+    const char *fault = model_check_numbers(root, keys, ARRAY_LEN(keys));
 
+    fault = fault ? fault : model_check_numbers(frame, keys, ARRAY_LEN(keys));
+    if (fault)
+        return fault;
     if ((get(frame, root, "w", &size[0]) && !(size[0] >= 1 && size[0] <= SST_IMAGE_MAX_SIDE)) ||
         (get(frame, root, "h", &size[1]) && !(size[1] >= 1 && size[1] <= SST_IMAGE_MAX_SIDE)))
         return "w or h is not 1 to 32768";
@@ -55,7 +59,7 @@ static const char *read_lens(struct model_view *v, const json_t *frame, const js
         lens[2] = size[0] / 2;
     if (!get(frame, root, "cy", &lens[3]))
         lens[3] = size[1] / 2;
-    for (size_t i = 0; i < ARRAY_LEN(keys); i++)
+    for (size_t i = 0; i < ARRAY_LEN(k); i++)
         (void)get(frame, root, keys[i], &k[i]);
     if (get(frame, root, "k4", &k4) && k4 != 0)
         return "k4 is not 0: the lens is not one with OpenCV's distortion";
@@ -86,7 +90,8 @@ static const char *place(struct model_view *v, const double M[16], const double 
 
 static int read_frame(struct model *m, const json_t *frame, const json_t *root, const double A[12])
 {
-    static const char *const lenses[] = { "OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE" };
+    static const char *const lenses[] = { "OPENCV",        "PINHOLE", "SIMPLE_PINHOLE",
+                                          "SIMPLE_RADIAL", "RADIAL",  "PERSPECTIVE" };
     const json_t *name = json_object_get(frame, "file_path"), *lens = json_object_get(frame, "camera_model");
     const char *file = json_string_value(name), *fault;
     struct model_view *v;
@@ -104,8 +109,8 @@ static int read_frame(struct model *m, const json_t *frame, const json_t *root, 
         return model_fault(m, file, "the last row of transform_matrix is not 0, 0, 0, 1");
     lens = lens ? lens : json_object_get(root, "camera_model");
     if (!text_among(lens, lenses, ARRAY_LEN(lenses))) {
-        sst_log_error("%s: %s: the camera model %s is not one of a pinhole with OpenCV's distortion; undistort it", m->path,
-                      file, json_string_value(lens) ? json_string_value(lens) : "(no text)");
+        sst_log_error("%s: %s: the camera model %s is not one of a pinhole with OpenCV's distortion; undistort it",
+                      m->path, file, json_string_value(lens) ? json_string_value(lens) : "(no text)");
         return -EBADMSG;
     }
     v = model_add(m, file + (!strncmp(file, "./", 2) ? 2 : 0));

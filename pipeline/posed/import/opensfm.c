@@ -18,13 +18,15 @@ static bool get(const json_t *object, const char *key, double *out)
 
 static const char *read_lens(struct model_view *v, const json_t *camera)
 {
+    static const char *const coefficients[] = { "k1", "k2", "p1", "p2", "k3" };
     static _Thread_local char text[160];
+    const char *fault = model_check_numbers(camera, coefficients, ARRAY_LEN(coefficients));
     const char *type = json_string_value(json_object_get(camera, "projection_type"));
     double size[2], lens[4], centre[2] = { 0, 0 }, k[5] = { 0 }, side;
     bool whole;
 
-    if (!get(camera, "width", &size[0]) || !get(camera, "height", &size[1]) || !(size[0] >= 1) ||
-        !(size[1] >= 1) || size[0] > SST_IMAGE_MAX_SIDE || size[1] > SST_IMAGE_MAX_SIDE)
+    if (!get(camera, "width", &size[0]) || !get(camera, "height", &size[1]) || !(size[0] >= 1) || !(size[1] >= 1) ||
+        size[0] > SST_IMAGE_MAX_SIDE || size[1] > SST_IMAGE_MAX_SIDE)
         return "its camera's width or height is not 1 to 32768";
     side = fmax(size[0], size[1]);
     if (type && !strcmp(type, "perspective")) {
@@ -41,11 +43,10 @@ static const char *read_lens(struct model_view *v, const json_t *camera)
     }
     if (!whole)
         return "its camera's focal length or centre is missing";
-    (void)get(camera, "k1", &k[0]);
-    (void)get(camera, "k2", &k[1]);
-    (void)get(camera, "p1", &k[2]);
-    (void)get(camera, "p2", &k[3]);
-    (void)get(camera, "k3", &k[4]);
+    if (fault)
+        return fault;
+    for (size_t i = 0; i < ARRAY_LEN(k); i++)
+        (void)get(camera, coefficients[i], &k[i]);
     lens[0] *= side;
     lens[1] *= side;
     lens[2] = centre[0] * side + size[0] / 2;
@@ -87,8 +88,11 @@ static int read_points(struct model *m, const json_t *points)
     uint64_t i = 0;
     const char *key;
     json_t *point;
-    int err = model_reserve_points(m, count);
+    int err;
 
+    if (points && !json_is_object(points))
+        return model_fault(m, "", "points is not an object");
+    err = model_reserve_points(m, count);
     if (err)
         return err;
     json_object_foreach((json_t *)points, key, point)
@@ -160,8 +164,8 @@ static int read_root(struct model *m, const json_t *root)
     if (!json_is_object(shots) || !json_is_object(cameras))
         return model_fault(m, "", "shots or cameras is not an object");
     if (json_array_size(root) > 1)
-        sst_log_warning("%s has %zu reconstructions; the one with most pictures, %zu, is used", m->path, json_array_size(root),
-                        json_object_size(shots));
+        sst_log_warning("%s has %zu reconstructions; the one with most pictures, %zu, is used", m->path,
+                        json_array_size(root), json_object_size(shots));
     json_object_foreach((json_t *)shots, name, shot)
     {
         err = err ? err : read_shot(m, name, shot, cameras);

@@ -16,7 +16,8 @@
 #define MAX_DEPTH  8    /* of subfolders */
 #define LISTED_MAX 8192 /* pictures of a folder */
 
-static const char *const endings[] = { ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".PNG", ".JPG", ".JPEG", ".TIF", ".TIFF" };
+static const char *const endings[] = { ".png", ".jpg", ".jpeg", ".tif", ".tiff",
+                                       ".PNG", ".JPG", ".JPEG", ".TIF", ".TIFF" };
 
 static bool is_picture(const char *name)
 {
@@ -85,14 +86,15 @@ static bool find_below(char path[SST_PATH_MAX], const char *dir, const char *nam
 
 static bool find_in(char path[SST_PATH_MAX], const char *dir, const char *name)
 {
-    return name[0] == '/' ? find_below(path, "", name) || find_below(path, dir, sst_path_base(name))
+    return name[0] == '/' ? find_below(path, "", name + strspn(name, "/")) || find_below(path, dir, sst_path_base(name))
                           : find_below(path, dir, name) || find_below(path, dir, sst_path_base(name));
 }
 
 /* Folder of the pictures: the user's, or the first folder beside the poses that has the first picture. */
 static int choose_folder(char dir[SST_PATH_MAX], const struct model *m, const char *path)
 {
-    static const char *const beside[] = { "", "images", "Images", "pictures", "../images", "../Images", "../../images", ".." };
+    static const char *const beside[] = { "",          "images",    "Images",       "pictures",
+                                          "../images", "../Images", "../../images", ".." };
     char file[SST_PATH_MAX], base[SST_PATH_MAX];
 
     if (m->cfg->pictures) {
@@ -113,8 +115,8 @@ static int choose_folder(char dir[SST_PATH_MAX], const struct model *m, const ch
         if (!sst_path_join(dir, base, beside[i][0] ? beside[i] : NULL) && find_in(file, dir, m->view[0].name))
             return 0;
     }
-    sst_log_error("%s: there is no picture `%s` beside the poses; name the folder of the pictures with --pictures", path,
-                  m->view[0].name);
+    sst_log_error("%s: there is no picture `%s` beside the poses; name the folder of the pictures with --pictures",
+                  path, m->view[0].name);
     return -ENOENT;
 }
 
@@ -238,8 +240,8 @@ static int add_unplaced(struct model *m)
                 continue;
             }
             /* with the folders that the source names */
-            snprintf(name, sizeof(name), "%.*s%s", (int)(sst_path_base(m->view[k].name) - m->view[k].name), m->view[k].name,
-                     sst_path_base(l.path[i]));
+            snprintf(name, sizeof(name), "%.*s%s", (int)(sst_path_base(m->view[k].name) - m->view[k].name),
+                     m->view[k].name, sst_path_base(l.path[i]));
             v = model_add(m, name);
             if (v)
                 memcpy(v->path, l.path[i], SST_PATH_MAX);

@@ -371,8 +371,7 @@ int poses_report(struct poses_scene *scene, const struct sst_posed_solve_config 
     if (cfg->refine) { /* the priors hold axes and unit */
         w = (struct world){ .turn = { 1, 0, 0, 0, 1, 0, 0, 0, 1 }, .unit = scene->unit_mm };
     } else if (cfg->spacing_mm > 0 || !world_of_given(&w, scene)) {
-        world_of_first(&w, scene,
-                       (cfg->spacing_mm > 0 ? cfg->spacing_mm : UNIT_MM) / spacing_of(scene));
+        world_of_first(&w, scene, (cfg->spacing_mm > 0 ? cfg->spacing_mm : UNIT_MM) / spacing_of(scene));
         posed->metric = cfg->spacing_mm > 0;
         posed->geographic = false;
         memset(posed->up, 0, sizeof(posed->up));
@@ -389,7 +388,8 @@ int poses_report(struct poses_scene *scene, const struct sst_posed_solve_config 
     }
     posed->median_px = solved->median_px;
     solved->focal_px = posed->view[first_placed(scene)].camera.fx;
-    solved->free_focal_px = scene->free_focal * solved->focal_px / scene->focal;
+    if (scene->free_focal > 0)
+        solved->free_focal_px = scene->free_focal * solved->focal_px / scene->focal;
     solved->focal_doubt = scene->focal_doubt;
     solved->spacing_mm = spacing_of(scene) * w.unit;
     write_history(scene, cfg, solved);
