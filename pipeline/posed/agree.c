@@ -25,6 +25,7 @@ struct agree_rows {
     int16_t *zero;         /* [width] */
     int *view, views;      /* [views] with pixels in the band, ... */
     bool *all;             /* [views] ... and all of it */
+    int64_t pairs;         /* of windows that were compared */
 };
 
 /* Rows that column sums are moved on by: `count`, up to row y. */
@@ -226,6 +227,25 @@ static void measure_row(const struct agree *a, struct agree_rows *r, int y)
     }
 }
 
+static bool compares(const struct agree *a, int i, int j)
+{
+    double apart[3];
+
+    for (int k = 0; k < 3; k++)
+        apart[k] = a->greys->camera[i].position_mm[k] - a->greys->camera[j].position_mm[k];
+    return vector_length(apart) >= a->least_apart_mm;
+}
+
+/* Windows of which two views see all, with texture. */
+static int64_t count_both(const float *restrict a, const float *restrict b, size_t n)
+{
+    int64_t sum = 0;
+
+    for (size_t x = 0; x < n; x++)
+        sum += a[x] > 0 && b[x] > 0;
+    return sum;
+}
+
 /* How many other views agree with each view around the pixels of a row, after its column sums were moved on. */
 static void compare_row(const struct agree *a, struct agree_rows *r, struct moved rows)
 {
@@ -243,6 +263,11 @@ static void compare_row(const struct agree *a, struct agree_rows *r, struct move
                 { r->mean + at[0], r->mean + at[1] }, { r->inverse + at[0], r->inverse + at[1] }, products, ENOUGH
             };
 
+            if (a->least_apart_mm > 0) {
+                if (!compares(a, r->view[i], r->view[j]))
+                    continue;
+                r->pairs += count_both(pair.inverse[0], pair.inverse[1], width - 2 * RADIUS);
+            }
             move_products(products, a, r, (const int[2]){ i, j }, rows);
             sst_kernels_get()->window_agree(r->agreeing + at[0], r->agreeing + at[1], &pair, width - 2 * RADIUS);
         }
@@ -253,6 +278,15 @@ static void keep_most(uint8_t *restrict most, const uint8_t *restrict agreeing, 
 {
     for (size_t x = 0; x < n; x++)
         most[x] = most[x] > agreeing[x] ? most[x] : agreeing[x];
+}
+
+static int64_t sum_row(const uint8_t *row, size_t n)
+{
+    int64_t sum = 0;
+
+    for (size_t x = 0; x < n; x++)
+        sum += row[x];
+    return sum;
 }
 
 /* Counts of one row as a tally. */
@@ -276,6 +310,8 @@ static void add_tally(struct agree_tally *tally, int32_t *tile, const struct agr
         tally->six += r->most[x] >= 5;
         tile[(x + RADIUS) / BAND_ROWS] += score[r->most[x]];
     }
+    for (int i = 0; i < r->views && a->least_apart_mm > 0; i++)
+        tally->agreeing += sum_row(r->agreeing + (size_t)i * width, width - 2 * RADIUS);
 }
 
 static int compare_band(void *arg, int band, int worker)
@@ -292,6 +328,7 @@ static int compare_band(void *arg, int band, int worker)
         memset(r->products, 0, width * (size_t)pair_count(a->greys->count) * sizeof(*r->products));
         memset(r->sum, 0, width * 2 * (size_t)a->greys->count * sizeof(*r->sum));
         choose_views(r, a, first - RADIUS, end + RADIUS);
+        r->pairs = 0;
     }
     for (int y = first; y < end && width > 2 * RADIUS; y++) {
         compare_row(a, r, (struct moved){ y + RADIUS, y == first ? SST_WINDOW : 1, y > first });
@@ -299,6 +336,8 @@ static int compare_band(void *arg, int band, int worker)
     }
     for (size_t i = 0; i < ARRAY_LEN(tile); i++)
         tally.spread += sqrt(tile[i]);
+    tally.pairs = first < end && width > 2 * RADIUS ? r->pairs : 0;
+    tally.agreeing /= 2; /* of both views */
     a->tally[band] = tally;
     return 0;
 }
@@ -317,6 +356,8 @@ int agree_on(struct agree_tally *out, struct agree *agree, const struct sst_surf
         all.four += agree->tally[i].four;
         all.six += agree->tally[i].six;
         all.spread += agree->tally[i].spread;
+        all.pairs += agree->tally[i].pairs;
+        all.agreeing += agree->tally[i].agreeing;
     }
     if (!err)
         *out = all;

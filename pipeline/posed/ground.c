@@ -19,13 +19,21 @@
 #define LEAST_PX    100   /* ... and pixels above the mean behind it, in a wide sweep: patches of chance are smaller */
 #define BEFORE      1.3   /* and over the least one before it, up to a higher one */
 #define LEAST_FOUR  0.001 /* of the pixels */
-#define NEAREST     0.7   /* of the 2nd and 98th of 100 points: the sweep's limits */
+#define SIX_BEHIND  4.0 /* a peak's share of six views over the mean behind it; they agree by chance hardly anywhere */
+#define SIX_BEFORE  1.5 /* ... and over the least one before it, up to a higher one */
+#define NEAREST     0.7 /* of the 2nd and 98th of 100 points: the sweep's limits */
 #define FARTHEST    1.6
 #define WIDE        20   /* farthest limit over the nearest one: planes behind the ground are many */
 #define OVERLAPPING 0.7  /* of a picture's side: shift of the nearest view at the nearest distance */
 #define LITTLE      0.03 /* ... and of the farthest compared view at the farthest */
 #define TOLD_PX     1.0  /* shift of the farthest compared view at the end of a second sweep, in compared pixels */
-#define VAGUE       0.03  /* of the distance: a compared pixel of parallax, of which users are warned */
+#define VAGUE       0.03 /* of the distance: a compared pixel of parallax, from which on distant pairs of views decide */
+#define DISTANT     0.6  /* of the largest distance of two views */
+#define LEAST_PAIRS 6    /* that are as distant */
+#define SLOPE       0.9  /* of a peak's height: its middle is between the places where it falls to that */
+#define HIDDEN      0.05  /* of the compared windows: excess over the mirrored near flank that is a farther surface */
+#define LEAST_AGREE 0.01  /* of the windows of distant pairs */
+#define BEFORE_FEW  1.1   /* as BEFORE, of distant pairs: all their windows count */
 #define SCAN        0.01  /* distances around the peak, relative */
 #define SCANS       5     /* to both sides */
 #define TILT        0.1   /* tangent: the first step of refinement */
@@ -172,11 +180,40 @@ static int sweep(struct sst_posed_ground *out, struct search *s, const double ra
     return err;
 }
 
+/* The farthest distance at which six views agree on more than a patch. On ground that hardly any ray reaches, four
+ * agree no more often than on what is left of a dense canopy in front. @return -1: none */
+static int farthest_of_six(const struct sst_posed_ground *g, double px)
+{
+    double sum = 0;
+
+    for (int i = g->planes - 2; i > 0; i--) {
+        double before = INFINITY;
+        int k = i - 1;
+
+        sum += g->six[i + 1];
+        if (g->six[i] < g->six[i + 1] || g->six[i] < g->six[i - 1] || g->six[i] * px < LEAST_PX ||
+            g->six[i] < SIX_BEHIND * sum / (g->planes - 1 - i))
+            continue;
+        for (; k >= 0 && g->six[k] <= g->six[i]; k--)
+            before = fmin(before, g->six[k]);
+        if (k < 0 || g->six[i] >= SIX_BEFORE * before)
+            return i;
+    }
+    return -1;
+}
+
+/* A peak of a share over planes. */
+struct peak_limits {
+    double least, before; /* share; over the least one before it, up to a higher one */
+    double wide_px;       /* pixels of the compared pictures; 0: the sweep is not wide */
+};
+
 /* The farthest peak that stands out from the least share behind it, and from the least one between it and any higher
  * peak before it. Far behind the ground chance makes the least share small: in a wide sweep the mean one counts as
  * well.
- * @param wide_px  pixels of the compared pictures; 0: the sweep is not wide @return -1: none */
-static int farthest_peak(const struct sst_posed_ground *g, double wide_px)
+ * @param value  [planes] four, or another share @param wide_px  pixels of the compared pictures; 0: the sweep is not
+ * wide @return -1: none */
+static int farthest_peak(const struct sst_posed_ground *g, const double *value, const struct peak_limits *limits)
 {
     double behind = INFINITY, sum = 0, mean;
 
@@ -184,16 +221,16 @@ static int farthest_peak(const struct sst_posed_ground *g, double wide_px)
         double before = INFINITY;
         int k = i - 1;
 
-        behind = fmin(behind, g->four[i + 1]);
-        sum += g->four[i + 1];
+        behind = fmin(behind, value[i + 1]);
+        sum += value[i + 1];
         mean = sum / (g->planes - 1 - i);
-        if (g->four[i] < g->four[i + 1] || g->four[i] < g->four[i - 1] || g->four[i] < LEAST_FOUR ||
-            g->four[i] < BEHIND * behind ||
-            (wide_px > 0 && (g->four[i] < BEHIND * mean || (g->four[i] - mean) * wide_px < LEAST_PX)))
+        if (value[i] < value[i + 1] || value[i] < value[i - 1] || value[i] < limits->least ||
+            value[i] < BEHIND * behind ||
+            (limits->wide_px > 0 && (value[i] < BEHIND * mean || (value[i] - mean) * limits->wide_px < LEAST_PX)))
             continue;
-        for (; k >= 0 && g->four[k] <= g->four[i]; k--)
-            before = fmin(before, g->four[k]);
-        if (k < 0 || g->four[i] >= BEFORE * before)
+        for (; k >= 0 && value[k] <= value[i]; k--)
+            before = fmin(before, value[k]);
+        if (k < 0 || value[i] >= limits->before * before)
             return i;
     }
     return -1;
@@ -313,7 +350,10 @@ static void choose_axes(struct search *s, const struct sst_posed *posed)
 
 static void choose_peak(struct sst_posed_ground *g, const struct sst_virtual *small, const double range[2])
 {
-    g->chosen = farthest_peak(g, range[1] > WIDE * range[0] ? (double)small->width * small->height : 0);
+    const double px = (double)small->width * small->height;
+    const struct peak_limits limits = { LEAST_FOUR, BEFORE, range[1] > WIDE * range[0] ? px : 0 };
+
+    g->chosen = sst_max_int(farthest_peak(g, g->four, &limits), farthest_of_six(g, px));
 }
 
 /* Farther planes for views of small baselines (a hovering drone), up to the last parallax of a compared pixel. */
@@ -336,25 +376,158 @@ static int sweep_farther(struct sst_posed_ground *g, struct search *s, const str
     return err;
 }
 
-/* Warn where a pixel of parallax is much of the distance. */
-static void warn_if_vague(const struct sst_posed_ground *g, const char *dir, const struct sst_virtual *small,
-                          const struct greys *greys)
+/* --- small baselines ------------------------------------------------------------------------------------------------
+ */
+
+/* Distances of the compared views. */
+struct baselines {
+    double middle_mm; /* of the farthest one from the virtual camera */
+    double most_mm;   /* of two views */
+    int distant;      /* pairs that are distant, compared with that */
+};
+
+static double apart_mm(const double a[3], const double b[3])
 {
-    double apart = 0;
+    double v[3];
 
-    for (int k = 0; k < greys->count; k++) {
-        double v[3];
+    for (int i = 0; i < 3; i++)
+        v[i] = a[i] - b[i];
+    return vector_length(v);
+}
 
-        for (int i = 0; i < 3; i++)
-            v[i] = greys->camera[k].position_mm[i] - small->centre_mm[i];
-        apart = fmax(apart, vector_length(v));
+static struct baselines measure_baselines(const struct greys *greys, const struct sst_virtual *camera)
+{
+    struct baselines b = { 0 };
+
+    for (int round = 0; round < 2; round++) {
+        for (int k = 0; k < greys->count; k++) {
+            b.middle_mm = fmax(b.middle_mm, apart_mm(greys->camera[k].position_mm, camera->centre_mm));
+            for (int j = 0; j < k; j++) {
+                const double mm = apart_mm(greys->camera[k].position_mm, greys->camera[j].position_mm);
+
+                b.distant += round && mm >= DISTANT * b.most_mm;
+                b.most_mm = fmax(b.most_mm, mm);
+            }
+        }
     }
-    if (apart * small->fx * VAGUE < g->distance_mm)
-        sst_log_warning(
-            "%s: the ground at %.1f m is vague: views are %.2f m apart at most, and a pixel of parallax of the "
-            "compared pictures is %.1f m there; leaves that near count as ground; give --surface plane:Z, or "
-            "views farther apart",
-            dir, g->distance_mm * 1e-3, apart * 1e-3, g->distance_mm * g->distance_mm / (apart * small->fx) * 1e-3);
+    return b;
+}
+
+/* A pixel of parallax is much of the distance. */
+static bool is_vague(double distance_mm, const struct baselines *b, const struct sst_virtual *small)
+{
+    return b->middle_mm * small->fx * VAGUE < distance_mm;
+}
+
+/* Value of a sweep at an inverse distance, linear between planes. */
+static double value_of(const struct sst_posed_ground *g, const double *value, double inverse)
+{
+    int i = 1;
+
+    while (i < g->planes - 1 && g->at_mm[i] * inverse < 1)
+        i++;
+    return value[i - 1] + (value[i] - value[i - 1]) *
+                              sst_clamp_double((1 / inverse - g->at_mm[i - 1]) / (g->at_mm[i] - g->at_mm[i - 1]), 0, 1);
+}
+
+/* Inverse distance at which a peak falls to a share of its height, before (-1) or behind (1) it. */
+static double falls_at(const struct sst_posed_ground *g, const double *value, int peak, double height, int step)
+{
+    int i = peak;
+
+    while (i + step >= 0 && i + step < g->planes && value[i] > height * value[peak])
+        i += step;
+    if (i == peak || value[i] > height * value[peak])
+        return 1 / g->at_mm[i];
+    return 1 / g->at_mm[i] + (height * value[peak] - value[i]) / (value[i - step] - value[i]) *
+                                 (1 / g->at_mm[i - step] - 1 / g->at_mm[i]);
+}
+
+/* Inverse distance of a peak's middle: peaks of small baselines are wide and flat. */
+static double middle_of(const struct sst_posed_ground *g, const double *value, int peak)
+{
+    return (falls_at(g, value, peak, SLOPE, -1) + falls_at(g, value, peak, SLOPE, 1)) / 2;
+}
+
+/* A surface behind that of a peak whose own peak merges with it: one surface agrees as much at parallaxes too small as
+ * at ones too large, so the excess on the far side is of another one. @return inverse distance, or 0: there is none */
+static double hidden_behind(const struct sst_posed_ground *g, const double *value, int peak)
+{
+    const double middle = middle_of(g, value, peak), half = falls_at(g, value, peak, 0.5, -1) - middle;
+    double excess[SST_GROUND_PLANES] = { 0 };
+    int best = 0;
+
+    for (int i = peak + 1; i < g->planes; i++) {
+        const double mirrored = 2 * middle - 1 / g->at_mm[i];
+
+        if (mirrored * g->at_mm[0] > 1) /* before the sweep */
+            break;
+        if (mirrored - middle > half)
+            excess[i] = value[i] - value_of(g, value, mirrored);
+        best = excess[i] > excess[best] ? i : best;
+    }
+    return excess[best] > HIDDEN ? middle_of(g, excess, best) : 0;
+}
+
+/* The farthest peak of the share of windows that agree in distant pairs of views alone, in the whole of the two sweeps'
+ * range: near ones agree on leaves and ground at any distance between. @param range  of the first sweep @return 0
+ * (`chosen` below 0: none), or an error */
+static int sweep_distant_pairs(struct sst_posed_ground *g, struct search *s, const struct sst_virtual *small,
+                               const double range[2], const struct baselines *b)
+{
+    double share_of[SST_GROUND_PLANES], hidden;
+    int err = 0;
+
+    g->planes = (int)sst_clamp_double(ceil(log(range[1] / range[0]) / log(RATIO)) + 1, 3, SST_GROUND_PLANES);
+    s->agree.least_apart_mm = DISTANT * b->most_mm;
+    for (int i = 0; i < g->planes && !err; i++) {
+        struct sst_surface plane;
+        struct agree_tally tally = { 0 };
+
+        g->at_mm[i] = range[0] * pow(range[1] / range[0], (double)i / (g->planes - 1));
+        plane = plane_at(s, g->at_mm[i], (const double[2]){ 0, 0 });
+        err = agree_at(&tally, s, &plane);
+        share_of[i] = tally.pairs ? (double)tally.agreeing / (double)tally.pairs : 0;
+        g->four[i] = share(tally.four, &tally);
+        g->six[i] = share(tally.six, &tally);
+    }
+    s->agree.least_apart_mm = 0;
+    if (err)
+        return err;
+    g->chosen = farthest_peak(g, share_of,
+                              &(struct peak_limits){ LEAST_AGREE, BEFORE_FEW, (double)small->width * small->height });
+    if (g->chosen >= 0) {
+        hidden = hidden_behind(g, share_of, g->chosen);
+        g->distance_mm = 1 / (hidden > 0 ? hidden : middle_of(g, share_of, g->chosen));
+        g->plane = plane_at(s, g->distance_mm, (const double[2]){ 0, 0 });
+    }
+    return 0;
+}
+
+/* Where near pairs of views hardly tell the distance, or find none, distant ones decide; `distance_mm` is then set, and
+ * nothing is refined: a pixel of parallax is more than that. */
+static int decide(struct sst_posed_ground *g, struct search *s, const struct sst_virtual *small,
+                  const struct baselines *apart, const double range[2])
+{
+    struct sst_posed_ground by = *g;
+    int err;
+
+    if (apart->distant < LEAST_PAIRS || (g->chosen >= 0 && !is_vague(g->at_mm[g->chosen], apart, small)))
+        return 0;
+    err = sweep_distant_pairs(&by, s, small, range, apart);
+    if (!err && by.chosen >= 0 && is_vague(by.distance_mm, apart, small))
+        *g = by;
+    return err;
+}
+
+static void warn_vague(const struct sst_posed_ground *g, const char *dir, const struct sst_virtual *small,
+                       const struct baselines *b)
+{
+    sst_log_warning("%s: the ground at %.1f m is vague: views are %.2f m apart at most, and a pixel of parallax of the "
+                    "compared pictures is %.1f m there; leaves that near count as ground; give --surface plane:Z, or "
+                    "views farther apart",
+                    dir, g->distance_mm * 1e-3, b->middle_mm * 1e-3,
+                    g->distance_mm * g->distance_mm / (b->middle_mm * small->fx) * 1e-3);
 }
 
 int sst_posed_ground(struct sst_posed_ground *out, const struct sst_posed *posed, const char *dir,
@@ -365,6 +538,7 @@ int sst_posed_ground(struct sst_posed_ground *out, const struct sst_posed *posed
     struct sst_posed_ground g = { .chosen = -1 };
     struct search s = { .camera = camera, .canceled = cfg->canceled };
     struct greys greys = { .step = step };
+    struct baselines apart;
     double range[2], baseline;
     const int placed = sst_posed_placed(posed);
     int view[VIEWS], err;
@@ -394,19 +568,23 @@ int sst_posed_ground(struct sst_posed_ground *out, const struct sst_posed *posed
     greys.count = g.views;
     err = greys_read(&greys, posed, dir, view, cfg->threads);
     if (!err) {
-        const struct sst_surface first = plane_at(&s, range[0], (const double[2]){ 0, 0 });
+        const double nearest = range[0];
+        const struct sst_surface first = plane_at(&s, nearest, (const double[2]){ 0, 0 });
 
+        apart = measure_baselines(&greys, &small);
         err = agree_init(&s.agree, &small, &first, &greys, cfg->threads);
         err = err ? err : sweep(&g, &s, range);
         if (!err)
             choose_peak(&g, &small, range);
         if (!err && g.chosen < 0 && baseline > 0)
             err = sweep_farther(&g, &s, &small, range, baseline);
-        if (!err) {
-            err = g.chosen < 0 ? -ENODATA : correlation_init(&s.correlation, &small, &first, &greys, cfg->threads);
-        }
         if (!err)
-            err = refine(&g, &s, cfg->level);
+            err = decide(&g, &s, &small, &apart,
+                         (const double[2]){ nearest, fmax(range[1], baseline * small.fx / TOLD_PX) });
+        if (!err && !(g.distance_mm > 0)) {
+            err = g.chosen < 0 ? -ENODATA : correlation_init(&s.correlation, &small, &first, &greys, cfg->threads);
+            err = err ? err : refine(&g, &s, cfg->level);
+        }
         correlation_fini(&s.correlation);
         agree_fini(&s.agree);
         if (err == -ENOMEM)
@@ -416,8 +594,8 @@ int sst_posed_ground(struct sst_posed_ground *out, const struct sst_posed *posed
                           "--near and --far",
                           dir, range[0] * 1e-3, range[1] * 1e-3);
     }
-    if (!err)
-        warn_if_vague(&g, dir, &small, &greys);
+    if (!err && is_vague(g.distance_mm, &apart, &small))
+        warn_vague(&g, dir, &small, &apart);
     greys_fini(&greys);
     if (!err)
         *out = g;

@@ -143,6 +143,7 @@ int greys_choose(int view[], int most, const struct sst_posed *posed, const stru
 struct agree_tally {
     int64_t seen, four, six;
     double spread;
+    int64_t pairs, agreeing; /* windows with texture of compared pairs, and those that agree */
 };
 
 struct agree_rows;
@@ -157,6 +158,7 @@ struct agree {
     int *pixels;               /* [views][warp.bands] that are seen */
     struct agree_rows *worker; /* [threads] */
     struct agree_tally *tally; /* of bands */
+    double least_apart_mm;     /* of the views of a compared pair; 0: all pairs */
 };
 
 /* @param greys  at least two; borrowed @return 0, -ENOMEM; not logged */

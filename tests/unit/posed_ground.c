@@ -19,7 +19,9 @@
 #include "tests/small.h"
 #include "tests/test.h"
 
-#define WIDTH  (small_level() >= 2 ? 96 : small_level() ? 160 : 320) /* sanitizers take 3 (address) to 90 (thread) times as long */
+#define WIDTH                                                                                                          \
+    (small_level() >= 2 ? 96 : small_level() ? 160 : 320) /* sanitizers take 3 (address) to 90 (thread) times as long  \
+                                                           */
 #define HEIGHT (small_level() >= 2 ? 72 : small_level() ? 120 : 240)
 #define VIEWS  10
 #define FLOOR  30000.0 /* mm in front of the cameras */
@@ -90,7 +92,8 @@ static void make_apart(struct sst_posed *posed, const char *dir, double cover, d
                                                .cx = (width - 1) / 2.0,
                                                .cy = (height - 1) / 2.0,
                                                .rotation = { 1, 0, 0, 0, 1, 0, 0, 0, 1 },
-                                               .position_mm = { apart * 700 * (k - 4), apart * 60 * (k % 2), apart * 50 * (k % 3) },
+                                               .position_mm = { apart * 700 * (k - 4), apart * 60 * (k % 2),
+                                                                apart * 50 * (k % 3) },
                                                .gain = { 1, 1, 1 } };
         assert_int_equal(sst_deep_init(&deep, width, height, 1, 65535), 0);
         for (int i = 0; i < width * height; i++) {
@@ -117,26 +120,28 @@ static void make_forest(struct sst_posed *posed, const char *dir, double cover, 
     make_apart(posed, dir, cover, slope, 1);
 }
 
-/* Views of a drone that hovers over open ground, whose limits by baselines end before it: it is found within a pixel of
- * parallax, 2 to 3 m, or not at all. */
+/* Views of a drone that hovers over ground, open or half covered with leaves 10 m above it: the ground is found, also
+ * where the leaves' peak is a few pixels of parallax away and hides its own; or nothing. */
 static void hovering(void **state SST_UNUSED)
 {
-    static const double apart[] = { 0.3, 0.2, 0.05 };
+    static const struct {
+        double apart, cover;
+    } set[] = { { 0.3, 0 }, { 0.2, 0 }, { 0.1, 0 }, { 0.03, 0 }, { 0.3, 0.5 }, { 0.2, 0.5 }, { 0.1, 0.5 } };
     const struct sst_ground_config none = { 0 };
     struct sst_posed posed;
     struct sst_virtual camera;
     struct sst_posed_ground ground;
 
-    for (size_t i = 0; i < ARRAY_LEN(apart); i++) {
+    for (size_t i = 0; i < ARRAY_LEN(set); i++) {
         int err;
 
-        make_apart(&posed, test_path("hover.lf"), 0, 0, apart[i]);
+        make_apart(&posed, test_path("hover.lf"), set[i].cover, 0, set[i].apart);
         camera = sst_virtual_of_view(&posed, 4);
         err = sst_posed_ground(&ground, &posed, test_path("hover.lf"), &camera, &none);
-        if (small_level() ? err && err != -ENODATA : err != (apart[i] < 0.1 ? -ENODATA : 0))
-            fail_msg("%.2f apart: error %d", apart[i], err);
-        if (!small_level() && !err && fabs(ground.distance_mm - FLOOR) > 2000)
-            fail_msg("%.2f apart: ground at %.0f mm", apart[i], ground.distance_mm);
+        if (small_level() ? err && err != -ENODATA : err != (set[i].apart < 0.05 ? -ENODATA : 0))
+            fail_msg("%.2f apart: error %d", set[i].apart, err);
+        if (!small_level() && !err && fabs(ground.distance_mm - FLOOR) > 500)
+            fail_msg("%.2f apart, %.1f covered: ground at %.0f mm", set[i].apart, set[i].cover, ground.distance_mm);
         sst_posed_fini(&posed);
     }
 }
@@ -172,8 +177,8 @@ static void ground_is_behind_the_leaves(void **state SST_UNUSED)
     sst_posed_fini(&posed);
 }
 
-/* A slope under trees: its tilt is found, which places where views happen to agree hardly tell; not in pictures of 160 px
- * and less. */
+/* A slope under trees: its tilt is found, which places where views happen to agree hardly tell; not in pictures of 160
+ * px and less. */
 static void slopes_are_found(void **state SST_UNUSED)
 {
     const struct sst_ground_config cfg = { .near_mm = 15000, .far_mm = 40000, .threads = 2 };
@@ -188,7 +193,8 @@ static void slopes_are_found(void **state SST_UNUSED)
     if (!small_level() && fabs(ground.tilt_deg - atan(slope) * 180 / M_PI) > 2)
         fail_msg("tilted by %.2f degrees", ground.tilt_deg);
     for (int y = 0; y < HEIGHT; y += HEIGHT - 1) {
-        const double b = (y - camera.cy) / FOCAL, far = (FLOOR + slope * camera.centre_mm[1] - camera.centre_mm[2]) / (1 - slope * b);
+        const double b = (y - camera.cy) / FOCAL,
+                     far = (FLOOR + slope * camera.centre_mm[1] - camera.centre_mm[2]) / (1 - slope * b);
         double ray[3], found;
 
         sst_virtual_ray(&camera, camera.cx, y, ray);
@@ -208,7 +214,9 @@ static void slopes_are_found(void **state SST_UNUSED)
 static void terrain_of_utm_is_in_the_axes_of_the_light_field(void **state SST_UNUSED)
 {
     const struct sst_utm utm = { 33, false };
-    struct sst_posed posed = { .geographic = true, .latitude = 48.3, .longitude = 14.3, .altitude_m = 400, .up = { 0, 0, 1 } };
+    struct sst_posed posed = {
+        .geographic = true, .latitude = 48.3, .longitude = 14.3, .altitude_m = 400, .up = { 0, 0, 1 }
+    };
     struct sst_heights h = { .x_mm = 447.2e6, .y_mm = 5350.9e6, .step_x_mm = 1e6, .step_y_mm = -1e6, .epsg = 32633 };
     struct sst_surface surface;
     bool placed;
@@ -309,13 +317,13 @@ static void specks_and_dots_go(void **state SST_UNUSED)
         int x, y, width, height;
         float rays, want;
     } part[] = {
-        { 1, 1, 2, 4, 5, 0 },      /* a speck of 8 px, half of a window of 4x4 */
-        { 5, 1, 3, 3, 5, 5 },      /* 9 px */
-        { 12, 12, 12, 12, 5, 5 },  /* a surface at the border, with */
-        { 14, 14, 2, 2, 0, 2 },    /* a dot, */
-        { 18, 14, 3, 3, 0, 0 },    /* a hole, */
-        { 14, 18, 3, 3, 0, 2 },    /* a saturated one, and */
-        { 23, 20, 1, 2, 0, 0 },    /* a dot at the border */
+        { 1, 1, 2, 4, 5, 0 },     /* a speck of 8 px, half of a window of 4x4 */
+        { 5, 1, 3, 3, 5, 5 },     /* 9 px */
+        { 12, 12, 12, 12, 5, 5 }, /* a surface at the border, with */
+        { 14, 14, 2, 2, 0, 2 },   /* a dot, */
+        { 18, 14, 3, 3, 0, 0 },   /* a hole, */
+        { 14, 18, 3, 3, 0, 2 },   /* a saturated one, and */
+        { 23, 20, 1, 2, 0, 0 },   /* a dot at the border */
     };
     struct sst_map_f32 rays;
     struct sst_deep levels;
