@@ -48,6 +48,7 @@ struct search {
     const struct sst_virtual *camera;
     struct agree agree;
     struct correlation correlation;
+    bool few;                       /* patches of ground decide, which do not tell its tilt */
     bool weak;                      /* the correlation has no clear peak: agreement decides */
     double around, around_slope;    /* correlation of planes around the ground, by distance */
     double normal[3], across[2][3]; /* of the sweep's planes, and level axes */
@@ -348,12 +349,17 @@ static void choose_axes(struct search *s, const struct sst_posed *posed)
     vector_cross(s->across[1], s->normal, s->across[0]);
 }
 
-static void choose_peak(struct sst_posed_ground *g, const struct sst_virtual *small, const double range[2])
+static void choose_peak(struct sst_posed_ground *g, struct search *s, const struct sst_virtual *small,
+                        const double range[2])
 {
     const double px = (double)small->width * small->height;
     const struct peak_limits limits = { LEAST_FOUR, BEFORE, range[1] > WIDE * range[0] ? px : 0 };
 
-    g->chosen = sst_max_int(farthest_peak(g, g->four, &limits), farthest_of_six(g, px));
+    const int six = farthest_of_six(g, px);
+
+    g->chosen = farthest_peak(g, g->four, &limits);
+    s->few = six > g->chosen;
+    g->chosen = s->few ? six : g->chosen;
 }
 
 /* Farther planes for views of small baselines (a hovering drone), up to the last parallax of a compared pixel. */
@@ -372,7 +378,7 @@ static int sweep_farther(struct sst_posed_ground *g, struct search *s, const str
         range[0] * 1e-3, range[1] * 1e-3, baseline_mm * 1e-3, TOLD_PX);
     err = sweep(g, s, range);
     if (!err)
-        choose_peak(g, small, range);
+        choose_peak(g, s, small, range);
     return err;
 }
 
@@ -575,7 +581,7 @@ int sst_posed_ground(struct sst_posed_ground *out, const struct sst_posed *posed
         err = agree_init(&s.agree, &small, &first, &greys, cfg->threads);
         err = err ? err : sweep(&g, &s, range);
         if (!err)
-            choose_peak(&g, &small, range);
+            choose_peak(&g, &s, &small, range);
         if (!err && g.chosen < 0 && baseline > 0)
             err = sweep_farther(&g, &s, &small, range, baseline);
         if (!err)
@@ -583,16 +589,16 @@ int sst_posed_ground(struct sst_posed_ground *out, const struct sst_posed *posed
                          (const double[2]){ nearest, fmax(range[1], baseline * small.fx / TOLD_PX) });
         if (!err && !(g.distance_mm > 0)) {
             err = g.chosen < 0 ? -ENODATA : correlation_init(&s.correlation, &small, &first, &greys, cfg->threads);
-            err = err ? err : refine(&g, &s, cfg->level);
+            err = err ? err : refine(&g, &s, cfg->level || s.few);
         }
         correlation_fini(&s.correlation);
         agree_fini(&s.agree);
         if (err == -ENOMEM)
             sst_log_error("no memory to compare %d views", g.views);
         else if (err == -ENODATA)
-            sst_log_error("%s: views agree at no distance between %.1f and %.1f m; give --surface plane:Z, or other "
-                          "--near and --far",
-                          dir, range[0] * 1e-3, range[1] * 1e-3);
+            sst_log_error("%s: views agree at no distance between %.1f and %.1f m; refine the poses by sst poses "
+                          "--refine, or give --surface plane:Z, or other --near and --far",
+                          dir, nearest * 1e-3, range[1] * 1e-3);
     }
     if (!err && is_vague(g.distance_mm, &apart, &small))
         warn_vague(&g, dir, &small, &apart);

@@ -20,8 +20,10 @@
 #include "tests/test.h"
 
 #define WIDTH                                                                                                          \
-    (small_level() >= 2 ? 96 : small_level() ? 160 : 320) /* sanitizers take 3 (address) to 90 (thread) times as long  \
-                                                           */
+    (small_level() >= 2 ? 96                                                                                           \
+     : small_level()    ? 160                                                                                          \
+                        : 320) /* sanitizers take 3 (address) to 90 (thread) times as long                                \
+                             */
 #define HEIGHT (small_level() >= 2 ? 72 : small_level() ? 120 : 240)
 #define VIEWS  10
 #define FLOOR  30000.0 /* mm in front of the cameras */
@@ -62,8 +64,26 @@ static double leaf_level(double x_mm, double y_mm)
     return 18000 + 2500 * noise(x_mm, y_mm, 160, 4);
 }
 
+/* Crowns from 18 to 27 m leave one place of the ground free. */
+static bool crown(double *level, const double c[3], double a, double b)
+{
+    const double far = FLOOR - c[2];
+
+    if (hypot(c[0] + a * far - 1000, c[1] + b * far - 1000) < 700)
+        return false;
+    for (int i = 0; i < 24; i++) {
+        const double near = 18000 + 400 * i - c[2], x = c[0] + a * near, y = c[1] + b * near;
+
+        if (noise(x, y, 700, (uint32_t)(30 + i)) > 0.75) {
+            *level = 18000 + 2500 * noise(x, y, 160, (uint32_t)(60 + i));
+            return true;
+        }
+    }
+    return false;
+}
+
 /* Pictures of the forest as a folder; the camera's axes are the world's. @param slope  of the floor along y
- * @param apart  distances of the views, in usual ones */
+ * @param cover  share of the leaves; 1: crowns @param apart  distances of the views, in usual ones */
 static void make_apart(struct sst_posed *posed, const char *dir, double cover, double slope, double apart)
 {
     const int width = WIDTH, height = HEIGHT;
@@ -101,9 +121,13 @@ static void make_apart(struct sst_posed *posed, const char *dir, double cover, d
             const double *c = v->camera.position_mm, near = LEAVES - c[2];
             const double far = (FLOOR + slope * c[1] - c[2]) / (1 - slope * b);
             const double x = c[0] + a * near, y = c[1] + b * near;
+            double level;
 
-            sst_map_u16_row(&deep.plane[0], i / width)[i % width] =
-                (uint16_t)(leaf(x, y, cover) ? leaf_level(x, y) : floor_level(c[0] + a * far, c[1] + b * far));
+            if (cover < 1)
+                level = leaf(x, y, cover) ? leaf_level(x, y) : floor_level(c[0] + a * far, c[1] + b * far);
+            else if (!crown(&level, c, a, b))
+                level = floor_level(c[0] + a * far, c[1] + b * far);
+            sst_map_u16_row(&deep.plane[0], i / width)[i % width] = (uint16_t)level;
         }
         assert_int_equal(sst_path_join(path, folder, v->file), 0);
         assert_int_equal(sst_deep_write(&deep, path), 0);
@@ -144,6 +168,24 @@ static void hovering(void **state SST_UNUSED)
             fail_msg("%.2f apart, %.1f covered: ground at %.0f mm", set[i].apart, set[i].cover, ground.distance_mm);
         sst_posed_fini(&posed);
     }
+}
+
+/* Ground of which ten views see one place through crowns of all heights. */
+static void ground_is_below_dense_crowns(void **state SST_UNUSED)
+{
+    const struct sst_ground_config cfg = { .near_mm = 15000, .far_mm = 45000, .threads = 2 };
+    struct sst_posed posed;
+    struct sst_virtual camera;
+    struct sst_posed_ground ground;
+
+    if (small_level())
+        skip(); /* the place has no patches in pictures of 160 px */
+    make_forest(&posed, test_path("crowns.lf"), 1, 0);
+    camera = sst_virtual_of_view(&posed, 4);
+    assert_int_equal(sst_posed_ground(&ground, &posed, test_path("crowns.lf"), &camera, &cfg), 0);
+    if (fabs(ground.distance_mm - (FLOOR - camera.centre_mm[2])) > 400 || ground.tilt_deg > 0.01)
+        fail_msg("ground at %.0f mm, tilted by %.2f degrees", ground.distance_mm, ground.tilt_deg);
+    sst_posed_fini(&posed);
 }
 
 static void ground_is_behind_the_leaves(void **state SST_UNUSED)
@@ -403,6 +445,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         serial_test(ground_is_behind_the_leaves),
         serial_test(slopes_are_found),
+        cmocka_unit_test(ground_is_below_dense_crowns),
         cmocka_unit_test(terrain_of_utm_is_in_the_axes_of_the_light_field),
         cmocka_unit_test(clear_pictures_show_the_floor),
         cmocka_unit_test(hovering),
