@@ -13,11 +13,13 @@
 #include "pipeline/posed/find/sharpen.h"
 #include "pipeline/posed/picture.h"
 
-#define FEW_VIEWS 6 /* below, agreement on the ground is often less than on the canopy */
-#define FEW_AGREE    0.003 /* share of pixels that agree, below which warm places may show the ground better */
-#define WARM_FARTHER 1.1   /* least ratio of the distance at which warm places are sharpest to the distance of agreement */
+#define FEW_VIEWS 6     /* below, agreement on the ground is often less than on the canopy */
+#define FEW_AGREE 0.003 /* share of pixels that agree, below which warm places may show the ground better */
+#define WARM_FARTHER                                                                                                   \
+    1.1 /* least ratio of the distance at which warm places are sharpest to the distance of agreement */
 #define METRE_MM     1000.0
 #define CELSIUS      273.15
+#define FARTHER_MESH 3   /* times as far below the camera with z upwards: it is down */
 #define DEEPEST_MM   5e6 /* below the camera: lower heights are no ground but a number for unknown ones */
 #define NADIR        "nadir"
 #define ZERO_MISS    0.1 /* of the distance: where the ground is not at z = 0 */
@@ -33,11 +35,11 @@ struct known_option {
 static const struct known_option *find_option(const char *arg, size_t length)
 {
     static const struct known_option known[] = {
-        { "method", 'm', false }, { "output", 'o', false }, { "valid", 0, false }, { "surface", 0, false }, { "utm", 0, false },      { "levels", 0, false },
-        { "view", 0, false },     { "near", 0, false },     { "far", 0, false },   { "threads", 't', false },
-        { "json", 0, true },      { "force", 0, true },     { "over", 0, false },  { "from", 0, false },
-        { "to", 0, false },       { "steps", 'n', false },  { "fps", 0, false },   { "bounce", 0, true },
-        { "quiet", 'q', true },   { "verbose", 'v', true },
+        { "method", 'm', false }, { "output", 'o', false },  { "valid", 0, false },  { "surface", 0, false },
+        { "utm", 0, false },      { "levels", 0, false },    { "view", 0, false },   { "near", 0, false },
+        { "far", 0, false },      { "threads", 't', false }, { "json", 0, true },    { "force", 0, true },
+        { "over", 0, false },     { "from", 0, false },      { "to", 0, false },     { "steps", 'n', false },
+        { "fps", 0, false },      { "bounce", 0, true },     { "quiet", 'q', true }, { "verbose", 'v', true },
     };
 
     for (size_t i = 0; i < ARRAY_LEN(known); i++) {
@@ -178,9 +180,10 @@ static int check_terrain(const struct posed_scene *scene, const char *path)
         at[2] += s->normal[i] * scene->cfg.camera.centre_mm[i];
     }
     if (at[2] < s->low_mm) {
-        sst_log_error("%s has heights of %.2f to %.2f m, all above the camera, which is at %.2f m; heights are above the "
-                      "zero of the light field's axes",
-                      path, s->low_mm / METRE_MM, s->high_mm / METRE_MM, at[2] / METRE_MM);
+        sst_log_error(
+            "%s has heights of %.2f to %.2f m, all above the camera, which is at %.2f m; heights are above the "
+            "zero of the light field's axes",
+            path, s->low_mm / METRE_MM, s->high_mm / METRE_MM, at[2] / METRE_MM);
         return CLI_INPUT;
     }
     if (at[2] - s->low_mm > DEEPEST_MM)
@@ -198,6 +201,33 @@ static int check_terrain(const struct posed_scene *scene, const char *path)
     return CLI_GO_ON;
 }
 
+/* Meshes of AOS have the axes of its poses, whose z is down, in place of z upwards: known by heights that would be
+ * above the camera or much farther below it. @return turned */
+static bool turn_mesh(struct posed_scene *scene, const char *path)
+{
+    const struct sst_surface *s = &scene->cfg.surface;
+    const double *up = scene->posed.up, middle = (s->low_mm + s->high_mm) / 2;
+    struct sst_heights *h = &scene->heights;
+    double height = 0;
+
+    for (int i = 0; i < 3; i++)
+        height += up[i] * scene->cfg.camera.centre_mm[i];
+    if (!cli_has_suffix(path, ".obj") || up[2] > -0.99 || height + middle <= 0 ||
+        (height - middle > 0 && height - middle < FARTHER_MESH * (height + middle)))
+        return false;
+    for (int y = 0; y < h->mm.height; y++) {
+        float *row = sst_map_f32_row(&h->mm, y);
+
+        for (int x = 0; x < h->mm.width; x++)
+            row[x] = -row[x];
+    }
+    h->y_mm = -h->y_mm;
+    h->step_y_mm = -h->step_y_mm;
+    sst_log_warning("%s: z is read as downwards, as in the poses: so it is %.1f m below the camera, else %.1f m", path,
+                    (height + middle) / METRE_MM, (height - middle) / METRE_MM);
+    return true;
+}
+
 static int read_terrain(struct posed_scene *scene, const char *path, const char *utm)
 {
     int err = sst_heights_read(&scene->heights, path);
@@ -206,18 +236,20 @@ static int read_terrain(struct posed_scene *scene, const char *path, const char 
     if (err)
         return cli_exit_code(err);
     if (scene->heights.mm.width < 2 || scene->heights.mm.height < 2) {
-        sst_log_error("%s has %d x %d heights; terrain is the surface between heights, so it needs 2 x 2 at least", path, scene->heights.mm.width,
-                      scene->heights.mm.height);
+        sst_log_error("%s has %d x %d heights; terrain is the surface between heights, so it needs 2 x 2 at least",
+                      path, scene->heights.mm.width, scene->heights.mm.height);
         return CLI_INPUT;
     }
     err = sst_surface_terrain(&scene->cfg.surface, &scene->heights, scene->posed.up);
+    if (!err && turn_mesh(scene, path))
+        err = sst_surface_terrain(&scene->cfg.surface, &scene->heights, scene->posed.up);
     if (err)
         sst_log_error("%s: the direction of gravity is along the world's x axis, where terrain has no axes", path);
     return err ? cli_exit_code(-EBADMSG) : check_terrain(scene, path);
 }
 
-/* Thermal pictures in which few pixels agree, and on a nearer plane, agree on the canopy: the plane on which warm places
- * are sharpest, perpendicular to gravity or the camera's axis, is the ground. */
+/* Thermal pictures in which few pixels agree, and on a nearer plane, agree on the canopy: the plane on which warm
+ * places are sharpest, perpendicular to gravity or the camera's axis, is the ground. */
 static int prefer_warmth(struct posed_scene *scene, int threads)
 {
     struct sst_posed_ground *ground = &scene->ground;
@@ -264,10 +296,10 @@ static void compare_with_zero(const struct posed_scene *scene)
         along -= up[i] * camera->rotation[6 + i];
     }
     if (height > 0 && along > 0.5 && fabs(scene->ground.distance_mm / (height / along) - 1) > ZERO_MISS)
-        sst_log_warning("%s: the ground is found %.2f m in front of the camera, but z = 0, the ground of AOS's poses, is "
-                        "%.2f m away; if what is found is the canopy, give --surface plane:%.2f",
-                        scene->path, scene->ground.distance_mm / METRE_MM, height / along / METRE_MM,
-                        height / along / METRE_MM);
+        sst_log_warning(
+            "%s: the ground is found %.2f m in front of the camera, but z = 0, the ground of AOS's poses, is "
+            "%.2f m away; if what is found is the canopy, give --surface plane:%.2f",
+            scene->path, scene->ground.distance_mm / METRE_MM, height / along / METRE_MM, height / along / METRE_MM);
 }
 
 static int find_ground(struct posed_scene *scene, const struct render_args *a)

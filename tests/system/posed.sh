@@ -158,6 +158,20 @@ import json
 o, lf = json.load(open("out")), json.load(open("warm.lf/lightfield.json"))
 assert o["thermal"] and o["bits"] == 16 and lf["kelvin"] == [0.04, -3], (o, lf)
 PY
+# A mesh with the axes of AOS's poses, z down, is the terrain of the one with z upwards.
+"$python" - <<'PY'
+at = [(x, y) for y in range(-6, 7, 3) for x in range(-6, 7, 3)]
+faces = [(a, a + 1, a + 5) for r in range(4) for a in range(5 * r + 1, 5 * r + 5)] + [(a + 1, a + 6, a + 5) for r in range(4) for a in range(5 * r + 1, 5 * r + 5)]
+for name, sign in ("up", 1), ("down", -1):
+    with open(name + ".obj", "w") as f:
+        f.writelines(f"v {x} {sign * y} {sign * (4 + .05 * x + .02 * y):.3f}\n" for x, y in at)
+        f.writelines("f %d %d %d\n" % t for t in faces)
+PY
+for z in up down; do
+  "$sst" render aos.lf --method refocus --surface $z.obj -o mesh-$z.png >out 2>err-$z || fail "mesh, $z: $(cat err-$z)"
+done
+[ ! -s err-up ] && grep -q 'down.obj: z is read as downwards' err-down && cmp -s mesh-up.png mesh-down.png ||
+  fail "a mesh with z down: $(cat err-up err-down)"
 cmp -s "pictures/leaf 3.png" aos.lf/views/0002.png || fail "a picture is not copied byte for byte"
 # A flight writes its poses again and again: the last file counts.
 mkdir -p flight/poses && cp -r pictures flight/images
