@@ -201,8 +201,8 @@ static int check_terrain(const struct posed_scene *scene, const char *path)
     return CLI_GO_ON;
 }
 
-/* Meshes of AOS have the axes of its poses, whose z is down, in place of z upwards: known by heights that would be
- * above the camera or much farther below it. @return turned */
+/* Turn a mesh of AOS, which has the axes of the poses, z down: heights with z upwards would be above the camera or much
+ * farther below it. @return turned */
 static bool turn_mesh(struct posed_scene *scene, const char *path)
 {
     const struct sst_surface *s = &scene->cfg.surface;

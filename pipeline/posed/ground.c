@@ -182,7 +182,7 @@ static int sweep(struct sst_posed_ground *out, struct search *s, const double ra
 }
 
 /* The farthest distance at which six views agree on more than a patch. On ground that hardly any ray reaches, four
- * agree no more often than on what is left of a dense canopy in front. @return -1: none */
+ * agree no more often than on the lower parts of a dense canopy. @return -1: none */
 static int farthest_of_six(const struct sst_posed_ground *g, double px)
 {
     double sum = 0;
@@ -455,8 +455,9 @@ static double middle_of(const struct sst_posed_ground *g, const double *value, i
     return (falls_at(g, value, peak, SLOPE, -1) + falls_at(g, value, peak, SLOPE, 1)) / 2;
 }
 
-/* A surface behind that of a peak whose own peak merges with it: one surface agrees as much at parallaxes too small as
- * at ones too large, so the excess on the far side is of another one. @return inverse distance, or 0: there is none */
+/* Merged peak of a farther surface: a single surface agrees as much at parallaxes too small as
+ * at parallaxes too large, so an excess on the far side comes from another surface. @return inverse distance, or 0:
+ * there is none */
 static double hidden_behind(const struct sst_posed_ground *g, const double *value, int peak)
 {
     const double middle = middle_of(g, value, peak), half = falls_at(g, value, peak, 0.5, -1) - middle;

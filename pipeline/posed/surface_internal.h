@@ -143,7 +143,7 @@ int greys_choose(int view[], int most, const struct sst_posed *posed, const stru
 struct agree_tally {
     int64_t seen, four, six;
     double spread;
-    int64_t pairs, agreeing; /* windows with texture of compared pairs, and those that agree */
+    int64_t pairs, agreeing; /* windows with texture of compared pairs; agreeing windows */
 };
 
 struct agree_rows;
