@@ -33,6 +33,9 @@ struct sst_posed_ground {
  * normalised correlation above 0.7), as shares of pixels; of the local maxima of the share the farthest one is the
  * ground, nearer ones are canopy. Its distance and tilt are then refined, coarse to fine, to where views correlate most
  * over all pixels, or, without a clear peak of that, agree most.
+ * A farther peak of the pixels on which six views agree counts as well; its plane is level. Where a compared pixel of
+ * parallax is more than 0.03 of the distance, distant pairs of views alone decide, nothing is refined, and a warning is
+ * logged.
  *
  * At most 10 views around the middle are compared, at about 512 px.
  *
