@@ -28,6 +28,7 @@
 #define LITTLE      0.03 /* ... and of the farthest compared view at the farthest */
 #define TOLD_PX     1.0  /* shift of the farthest compared view at the end of a second sweep, in compared pixels */
 #define VAGUE       0.03 /* of the distance: a compared pixel of parallax, from which on distant pairs of views decide */
+#define TOO_VAGUE   2.0  /* times as much: tilts are not told, and correlation draws the ground towards leaves */
 #define DISTANT     0.6  /* of the largest distance of two views */
 #define LEAST_PAIRS 6    /* that are as distant */
 #define SLOPE       0.9  /* of a peak's height: its middle is between the places where it falls to that */
@@ -511,8 +512,8 @@ static int sweep_distant_pairs(struct sst_posed_ground *g, struct search *s, con
     return 0;
 }
 
-/* Where near pairs of views hardly tell the distance, or find none, distant ones decide; `distance_mm` is then set, and
- * nothing is refined: a pixel of parallax is more than that. */
+/* Where near pairs of views hardly tell the distance, or find none, distant ones decide. `distance_mm` is set where
+ * nothing is to be refined. */
 static int decide(struct sst_posed_ground *g, struct search *s, const struct sst_virtual *small,
                   const struct baselines *apart, const double range[2])
 {
@@ -522,9 +523,14 @@ static int decide(struct sst_posed_ground *g, struct search *s, const struct sst
     if (apart->distant < LEAST_PAIRS || (g->chosen >= 0 && !is_vague(g->at_mm[g->chosen], apart, small)))
         return 0;
     err = sweep_distant_pairs(&by, s, small, range, apart);
-    if (!err && by.chosen >= 0 && is_vague(by.distance_mm, apart, small))
-        *g = by;
-    return err;
+    if (err || by.chosen < 0 || !is_vague(by.distance_mm, apart, small))
+        return err;
+    *g = by;
+    if (!is_vague(by.distance_mm / TOO_VAGUE, apart, small)) {
+        g->at_mm[g->chosen] = by.distance_mm;
+        g->distance_mm = 0;
+    }
+    return 0;
 }
 
 static void warn_vague(const struct sst_posed_ground *g, const char *dir, const struct sst_virtual *small,

@@ -34,7 +34,7 @@ struct sst_posed_ground {
  * ground, nearer ones are canopy. Its distance and tilt are then refined, coarse to fine, to where views correlate most
  * over all pixels, or, without a clear peak of that, agree most.
  * A farther peak of the pixels on which six views agree counts as well; its plane is level. Where a compared pixel of
- * parallax is more than 0.03 of the distance, distant pairs of views alone decide, nothing is refined, and a warning is
+ * parallax is more than 0.03 of the distance, distant pairs of views decide, from 0.06 on alone, and a warning is
  * logged.
  *
  * At most 10 views around the middle are compared, at about 512 px.
