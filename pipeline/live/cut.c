@@ -113,7 +113,7 @@ static double wanted(const struct sst_live *live, double found_px, int64_t *wait
 
 void live_cut_init(struct live_cut *c)
 {
-    c->cut_px = c->gap_px = c->guard_px = NAN;
+    c->cut_px = c->gap_px = c->end_px = c->guard_px = NAN;
 }
 
 static void apply(struct live_cut *c)
@@ -121,11 +121,12 @@ static void apply(struct live_cut *c)
     c->cut_px = isgreater(c->guard_px, c->gap_px) ? c->guard_px : c->gap_px; /* NaN: no exception */
 }
 
-static void set_gap(struct sst_live *live, double px)
+static void set_gap(struct sst_live *live, double px, double end_px)
 {
     struct live_cut *c = &live->cut;
 
     c->gap_px = px;
+    c->end_px = end_px;
     c->front = isnan(px) ? 0 : share_nearer(live, px);
     c->since_ns = 0;
 }
@@ -138,7 +139,7 @@ static bool same(double a, double b)
 int live_cut_follow(struct sst_live *live, int64_t t_ns)
 {
     struct live_cut *c = &live->cut;
-    struct sst_render_gap gap;
+    struct sst_render_gap gap = { .near_px = NAN };
     double found_px = NAN, to_px;
     int64_t wait_ns;
     int err = sst_render_find_gap(live->renderer, VISITOR_SHARE, &gap);
@@ -152,14 +153,21 @@ int live_cut_follow(struct sst_live *live, int64_t t_ns)
         c->since_ns = 0;
         c->front = isnan(to_px) ? 0 : fmax(c->front, share_nearer(live, to_px));
     } else if (isnan(c->gap_px)) {
-        set_gap(live, to_px);
+        set_gap(live, to_px, gap.near_px);
     } else if (!c->since_ns) {
         c->since_ns = t_ns;
     } else if (t_ns - c->since_ns >= wait_ns) {
-        set_gap(live, to_px);
+        set_gap(live, to_px, gap.near_px);
     }
     apply(c);
     return 0;
+}
+
+/* Cut in front of a track. Nothing behind the foreground is nearer than its farthest surfaces, so that the accuracy of
+ * a depth is no reason to show more of it. */
+static double before_track(const struct live_cut *c, const struct sst_live_track *t)
+{
+    return fmin(sst_live_before(t->disp_px, t->hidden), fmax(t->disp_px, c->end_px) + BEFORE_PX);
 }
 
 /* Nearest cut in front of all tracks that move behind the foreground; NaN: there is none. */
@@ -169,7 +177,7 @@ static double before_tracks(const struct sst_live *live, const struct sst_live_t
 
     for (int i = 0; i < n; i++) {
         const struct sst_live_track *t = &track[i];
-        const double px = sst_live_before(t->disp_px, t->hidden);
+        const double px = before_track(&live->cut, t);
 
         if (t->hidden || share_nearer(live, sst_live_before(t->disp_px, true)) >= FRONT_SHARE)
             most = fmax(most, px);
