@@ -112,11 +112,12 @@ losses() {
   for ((i = 1; i <= times; i++)); do
     sleep "$((long / (times + 1) / 2))"
     failures=$(value live.device.failures)
+    [ -z "$networks" ] || labels_failures=$(value live.device.labels.failures)
     # Every third one is away for a while: it cannot be opened then.
     if ((i % 3 == 2)); then echo "$i gone" >lost; else echo "$i" >lost; fi
     echo "loss $i after the picture $(tail -n 1 sets)" >>each
     until_is 60 live.device.failures "v > $failures"
-    [ -z "$networks" ] || until_is 60 live.device.labels.failures "v >= $i" # labels run after the picture, and not in each set
+    [ -z "$networks" ] || until_is 60 live.device.labels.failures "v > $labels_failures" # after the picture, not in each set
     ((i % 3 != 2)) || { sleep 3; echo "$i" >lost; }
     until_is 120 live.device.failing 'not v'
     echo "  at work again by the picture $(tail -n 1 sets)" >>each
