@@ -83,6 +83,18 @@ def rest(what, seconds):
     return None
 
 
+def live(b):
+    """What is alive in the page after a collection: nodes, listeners, canvases, also those that have left the document."""
+    for _ in range(2):
+        b.call("HeapProfiler.collectGarbage")
+    counts = b.call("Memory.getDOMCounters")
+    kind = b.call("Runtime.evaluate", expression="HTMLCanvasElement.prototype", objectGroup="live")["result"]["objectId"]
+    found = b.call("Runtime.queryObjects", prototypeObjectId=kind, objectGroup="live")["objects"]["objectId"]
+    canvases = b.call("Runtime.callFunctionOn", objectId=found, functionDeclaration="function() { return this.length; }", returnByValue=True)
+    b.call("Runtime.releaseObjectGroup", objectGroup="live")  # else they are alive because they were counted
+    return {"nodes": counts["nodes"], "jsEventListeners": counts["jsEventListeners"], "canvases": canvases["result"]["value"]}
+
+
 def check(ok, sentence):
     if not ok:
         raise cdp.Failed(sentence)
