@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
 # SPDX-FileCopyrightText: 2026 The sst contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Memory and frames of the page with many visits, in a headless Chromium: bench_visits.py PICTURES [VISITS]
+"""Memory and frames of the page with many visits, in a headless Chromium: bench_visits.py PICTURES [VISITS] [KEYS]
 
-PICTURES is a folder of tests/page/pictures.sh, VISITS how many (500). Not in the gate: figures of an idle machine. Scrolls through all cards
-with the wheel, reviews them with keys, and prints
+PICTURES is a folder of tests/page/pictures.sh, VISITS how many (500), KEYS how many are pressed a second at most (8; 0: as many as there are
+frames). Not in the gate: figures of an idle machine. Scrolls through all cards with the wheel, reviews them with keys, and prints
 
 - the memory of the page's renderer process (PSS: with its share of the browser's program; private: its own alone) and of its JavaScript heap, before
-  and after, and how many cards the page holds;
+  and after, the most while keys were pressed, and what is left once Chromium was told to collect; how many cards the page holds;
 - frames a second while it scrolls, as requestAnimationFrame counts them, the longest frame, and the processor time of the main thread for each.
 """
 import sys
@@ -20,9 +20,14 @@ FRAMES = """window.frames = []; window.counting = true;
 (function count(at) { window.frames.push(at); if (window.counting) requestAnimationFrame(count); })(performance.now());"""
 
 
-def renderer(b):
+def largest(b):
+    """PSS and private memory of the largest renderer of this browser, kB."""
+    return max((memory(p) for p in children(b.process.pid)), default=(0, 0))
+
+
+def renderer(b, of=None):
     """The largest renderer of this browser, in words."""
-    pss, private = max((memory(p) for p in children(b.process.pid)), default=(0, 0))
+    pss, private = of or largest(b)
     return f"{pss / 1024:6.1f} MB renderer, {private / 1024:6.1f} MB private,"
 
 
@@ -59,6 +64,7 @@ def busy_s(b):
 
 def main():
     visits = int(sys.argv[2]) if len(sys.argv) > 2 else 500
+    keys_s = float(sys.argv[3]) if len(sys.argv) > 3 else 8
     fake = Fake(sys.argv[1])
     fake.start()
     b = cdp.Browser()
@@ -92,11 +98,17 @@ def main():
         print(f"{visits} visits {renderer(b)} {heap_mb(b):6.1f} MB heap, {cards} cards and {images} pictures in the page")
         b.js("document.querySelector('#visits .visit-open').focus()")  # each with keys alone
         b.key("Home", 36)
-        for _ in range(visits):
+        most, begin = (0, 0), time.time()
+        for n in range(visits):
             b.key("r", 82, "r")
             b.js("new Promise(requestAnimationFrame)")
+            most = max(most, largest(b), key=lambda of: of[1])
+            if keys_s:
+                time.sleep(max(begin + (n + 1) / keys_s - time.time(), 0))
+        rate = visits / (time.time() - begin)
         left = b.js("document.getElementById('visits-new').textContent")
         print(f"{visits} keys   {renderer(b)} {heap_mb(b):6.1f} MB heap, {left} left to review")
+        print(f"most       {renderer(b, most)} {rate:.1f} keys/s")
         b.call("HeapProfiler.collectGarbage")
         print(f"collected  {renderer(b)} {heap_mb(b):6.1f} MB heap")
         print(f"scrolling  {took:.1f} s, {len(gaps) / (sum(gaps) / 1000):.1f} frames/s, median {gaps[len(gaps) // 2]:.1f} ms, "
