@@ -28,7 +28,7 @@
 #define LITTLE      0.03 /* ... and of the farthest compared view at the farthest */
 #define TOLD_PX     1.0  /* shift of the farthest compared view at the end of a second sweep, in compared pixels */
 #define VAGUE       0.03 /* of the distance: a compared pixel of parallax, from which on distant pairs of views decide */
-#define TOO_VAGUE   2.0  /* times as much: tilts are not told, and correlation draws the ground towards leaves */
+#define TOO_VAGUE   2.0  /* multiple of VAGUE without refinement: correlation would draw the ground towards leaves */
 #define DISTANT     0.6  /* of the largest distance of two views */
 #define LEAST_PAIRS 6    /* that are as distant */
 #define SLOPE       0.9  /* of a peak's height: its middle is between the places where it falls to that */

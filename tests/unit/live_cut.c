@@ -250,8 +250,8 @@ static double leaves_shown(const struct shown *s)
     return (double)shown / all;
 }
 
-/* The search behind leaves places an image of somebody, or twigs, at their far end: the accuracy of its depth is no
- * reason to show leaves in front of that. */
+/* A hidden track that lies too near, of twigs or an image of the walker at the far end of the foreground: the accuracy
+ * of its depth is no reason to show leaves in front of that. */
 static void depths_among_leaves_show_few_of_them(void **state SST_UNUSED)
 {
     static const double placed[] = { 16.2, HEDGE - 0.2, HEDGE + 0.4, HEDGE + 2 }, most[] = { 0.13, 0.13, 0.21, 0.49 };

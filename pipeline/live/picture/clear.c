@@ -23,7 +23,7 @@
 #define TRACK         0.2 /* ... this fraction of it */
 #define BAND          16
 #define SAME_PX       1.0 /* disparities of one surface */
-#define MOVING        3   /* changed cells behind leaves: somebody moves */
+#define MOVING        3   /* changed cells behind leaves that make a walker */
 #define AIM_REACH     48  /* px around a click on something hidden */
 #define AIM_PARTS     6   /* of an object that occluders divide */
 

@@ -11,7 +11,7 @@
 #include "pipeline/method/disparity/visible.h"
 
 #define VIEWS 12  /* that are asked at most, ... */
-#define SURE  2   /* ... until so many more say one thing than the other */
+#define SURE  2   /* ... up to this lead of one answer */
 #define APART 64  /* 1/64 px: surfaces farther from each other are two */
 #define LEAST 120 /* difference of R, G and B together that noise and whole pixels do not make */
 

@@ -81,7 +81,7 @@ static int support(const struct samples *s, const struct window *w, double d, in
     return sum;
 }
 
-/* Is there a disparity apart from that of the map where a view more shows the pixel? */
+/* Has a disparity apart from the map's the support of one view more? */
 static bool is_missed(const struct samples *s, int x, int y)
 {
     const double map = s->scale * sst_map_u16_row(s->map, y / s->scale)[x / s->scale] / 64.0;
