@@ -13,10 +13,11 @@
 #include "pipeline/posed/find/sharpen.h"
 #include "pipeline/posed/picture.h"
 
-#define FEW_VIEWS 6     /* below, agreement on the ground is often less than on the canopy */
-#define FEW_AGREE 0.003 /* share of pixels that agree, below which warm places may show the ground better */
-#define WARM_FARTHER                                                                                                   \
-    1.1 /* least ratio of the distance at which warm places are sharpest to the distance of agreement */
+#define FEW_VIEWS    6     /* below, agreement on the ground is often less than on the canopy */
+#define MANY_WARM    0.006 /* sharpness of warm places from which on these tell the ground's distance and tilt */
+#define WARM_NEARER  0.9   /* ... least ratio of their distance to the distance of agreement */
+#define WARM_FARTHER 1.1   /* ... and where they are fewer, */
+#define FEW_AGREE    0.003 /* if a smaller share of pixels agrees */
 #define METRE_MM     1000.0
 #define CELSIUS      273.15
 #define FARTHER_MESH 3   /* times as far below the camera with z upwards: it is down */
@@ -248,37 +249,30 @@ static int read_terrain(struct posed_scene *scene, const char *path, const char 
     return err ? cli_exit_code(-EBADMSG) : check_terrain(scene, path);
 }
 
-/* Thermal pictures in which few pixels agree, and on a nearer plane, agree on the canopy: the plane on which warm
- * places are sharpest, perpendicular to gravity or the camera's axis, is the ground. */
+/* Thermal pictures of which a few patches agree tell no tilt, and may agree on the canopy: the plane on which warm
+ * places are sharpest is the ground, if they are many and it is the same or a farther surface. */
 static int prefer_warmth(struct posed_scene *scene, int threads)
 {
     struct sst_posed_ground *ground = &scene->ground;
     const struct sst_virtual *camera = &scene->cfg.camera;
-    const struct sst_calib_camera *middle = &scene->posed.view[sst_posed_middle(&scene->posed)].camera;
-    const double *up = scene->posed.up;
-    double normal[3], point[3], away = 0, along = 0;
-    struct sst_sharpened sharp;
+    struct sst_sharpened warm;
+    double away;
     int err;
 
-    if (ground->four[ground->chosen] >= FEW_AGREE || scene->posed.channels != 1)
+    if (!ground->weak || scene->posed.channels != 1)
         return 0;
     err = sst_posed_sharpen(&scene->posed, scene->path,
-                            &(struct sst_sharpen_config){ .look = true, .threads = threads }, &sharp);
+                            &(struct sst_sharpen_config){ .look = true, .threads = threads }, &warm);
     if (err)
         return err == -ENODATA ? 0 : err;
-    for (int i = 0; i < 3; i++)
-        along -= up[i] * camera->rotation[6 + i];
-    for (int i = 0; i < 3; i++) {
-        normal[i] = along > 0.5 ? up[i] : -camera->rotation[6 + i];
-        point[i] = middle->position_mm[i] + sharp.distance_mm * middle->rotation[6 + i];
-        away += normal[i] * (point[i] - camera->centre_mm[i]);
-    }
-    away /= along > 0.5 ? -along : -1;
-    if (away > WARM_FARTHER * ground->distance_mm) {
-        ground->plane = sst_surface_plane(normal, point);
-        ground->distance_mm = away;
-        ground->tilt_deg = 0;
-    }
+    away = sst_surface_meet(&warm.plane, camera->centre_mm, camera->rotation + 6);
+    if (!isfinite(away) || away < WARM_NEARER * ground->distance_mm ||
+        (warm.before < MANY_WARM &&
+         (away < WARM_FARTHER * ground->distance_mm || ground->four[ground->chosen] >= FEW_AGREE)))
+        return 0;
+    ground->plane = warm.plane;
+    ground->distance_mm = away;
+    ground->tilt_deg = warm.tilt_deg;
     return 0;
 }
 

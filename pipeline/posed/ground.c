@@ -333,6 +333,7 @@ static int refine(struct sst_posed_ground *out, struct search *s, bool level)
     }
     out->plane = plane_at(s, at[0], at + 1);
     out->distance_mm = at[0];
+    out->weak = s->weak || s->few;
     out->tilt_deg = atan(hypot(at[1], at[2])) * 180 / M_PI;
     return err;
 }

@@ -73,8 +73,8 @@ static void draw(struct flight *f, const double (*place)[3], int places, uint64_
 }
 
 /* A flight; given rotations are up to a third of a degree off. @param focal, k1  of the true lens, before the
- * given lens */
-static void fly(struct flight *f, int places, double focal, double k1)
+ * given lens @param slope  of the ground across the line */
+static void fly_over(struct flight *f, int places, double focal, double k1, double slope)
 {
     uint64_t random = 7;
     double place[MOST][3] = { { 0 } };
@@ -115,8 +115,14 @@ static void fly(struct flight *f, int places, double focal, double k1)
     for (int p = 0; p < places; p++) {
         place[p][0] = sst_random_in(&random, -24000, 24000);
         place[p][1] = sst_random_in(&random, -14000, 14000);
+        place[p][2] = slope * place[p][1];
     }
     draw(f, (const double(*)[3])place, places, &random);
+}
+
+static void fly(struct flight *f, int places, double focal, double k1)
+{
+    fly_over(f, places, focal, k1, 0);
 }
 
 static void land(struct flight *f)
@@ -169,6 +175,20 @@ static void wrong_lens(void **state SST_UNUSED)
     fly(&f, MOST, 1.015, -0.1);
     assert_int_equal(sst_posed_sharpen(&f.posed, "drawn", &cfg, &again), 0);
     assert_true(again.lens_gain == 0 && again.after < result.after && f.posed.view[3].camera.fx == FOCAL);
+    land(&f);
+}
+
+/* The slope of the ground is found with the lens: on a level plane it would pass for turns, and for a part of k1. */
+static void sloping_ground(void **state SST_UNUSED)
+{
+    const struct sst_sharpen_config cfg = { 0 };
+    struct sst_sharpened result;
+    struct flight f;
+
+    fly_over(&f, MOST, 1, -0.1, 0.12);
+    assert_int_equal(sst_posed_sharpen(&f.posed, "drawn", &cfg, &result), 0);
+    assert_true(fabs(result.tilt_deg - atan(0.12) * 180 / M_PI) < 1 && fabs(result.k1 + 0.1) < 0.02);
+    assert_true(fabs(result.plane.normal[1] / result.plane.normal[2] + 0.12) < 0.02);
     land(&f);
 }
 
@@ -245,7 +265,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         serial_test(wrong_lens),       cmocka_unit_test(right_lens), cmocka_unit_test(few_places),
-        cmocka_unit_test(given_focal), cmocka_unit_test(behind),
+        cmocka_unit_test(given_focal), cmocka_unit_test(behind),     cmocka_unit_test(sloping_ground),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

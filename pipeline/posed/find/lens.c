@@ -10,38 +10,61 @@
 
 #include "base/stats.h"
 #include "pipeline/camera/numbers.h"
+#include "pipeline/posed/surface_internal.h"
 
 #define ROUNDS      15
 #define LOSS_PX     1.0  /* of Cauchy's loss */
 #define SIGMA_FOCAL 0.05 /* priors: lenses are within this of their maker's focal length, ... */
 #define SIGMA_K1    0.2
-#define SIGMA_RAISE 0.05 /* and planes of their distance */
-#define OWN         7    /* unknowns of a sight: two of the lens, three of its view, two of its place */
+#define SIGMA_RAISE 0.05 /* planes of their distance, ... */
+#define SIGMA_SLOPE 0.1  /* and level */
+#define SHARED      4    /* unknowns of all: two of the lens, two slopes */
+#define OWN         9    /* unknowns of a sight: these, three of its view, two of its place */
 #define TINY        1e-6
 
 struct fit {
     struct lens_fit *f;
-    int n;       /* unknowns: two of all, three of each view, two of each place */
+    int n;       /* unknowns: four shared ones, three of each view, two of each place */
     double *a;   /* [n][n] */
     double *b;   /* [n] */
     double away; /* mm: mean distance of the places */
 };
+
+/* Place after steps of the plane and along it. @param shared  [SHARED] @param along  [2], in mean distances */
+static void move_place(double at[3], const struct fit *t, const double *shared, const double *along)
+{
+    const struct lens_fit *f = t->f;
+    double apart[3], raise = f->plane_moves ? shared[0] * t->away : 0;
+
+    for (int c = 0; c < 2; c++) {
+        raise -= along[c] * t->away * f->slope[c];
+        for (int i = 0; i < 3; i++)
+            at[i] += along[c] * t->away * f->across[c][i];
+    }
+    for (int i = 0; i < 3; i++)
+        apart[i] = at[i] - f->pivot_mm[i];
+    for (int c = 0; c < 2; c++)
+        raise -= shared[2 + c] * vector_dot(apart, f->across[c]);
+    for (int i = 0; i < 3; i++)
+        at[i] += raise * f->normal[i];
+}
 
 /* Pixel of a place in a view. @param change  of the sight's own unknowns */
 static bool project(const struct fit *t, const struct lens_sight *s, const double change[OWN], double px[2])
 {
     const struct lens_fit *f = t->f;
     const struct sst_calib_camera *cam = &f->camera[s->view];
+    const double *turn = change + SHARED;
     double at[3], p[3], scale, r2, x, y, k1 = f->k1 + change[1];
-    double raise = f->plane_moves ? change[0] * t->away : 0;
 
+    memcpy(at, f->place_mm[s->place], sizeof(at));
+    move_place(at, t, change, change + SHARED + 3);
     for (int i = 0; i < 3; i++)
-        at[i] = f->place_mm[s->place][i] - cam->position_mm[i] + raise * f->normal[i] +
-                t->away * (change[5] * f->across[0][i] + change[6] * f->across[1][i]);
+        at[i] -= cam->position_mm[i];
     sst_numbers_apply3(cam->rotation, at, p);
-    at[0] = p[0] + change[3] * p[2] - change[4] * p[1];
-    at[1] = p[1] + change[4] * p[0] - change[2] * p[2];
-    at[2] = p[2] + change[2] * p[1] - change[3] * p[0];
+    at[0] = p[0] + turn[1] * p[2] - turn[2] * p[1];
+    at[1] = p[1] + turn[2] * p[0] - turn[0] * p[2];
+    at[2] = p[2] + turn[0] * p[1] - turn[1] * p[0];
     if (!(at[2] > 0))
         return false;
     x = at[0] / at[2];
@@ -54,7 +77,9 @@ static bool project(const struct fit *t, const struct lens_sight *s, const doubl
 
 static int unknown_of(const struct lens_fit *f, const struct lens_sight *s, int own)
 {
-    return own < 2 ? own : own < 5 ? 2 + 3 * s->view + own - 2 : 2 + 3 * f->views + 2 * s->place + own - 5;
+    const int of_view = own - SHARED, of_place = of_view - 3;
+
+    return of_view < 0 ? own : SHARED + (of_place < 0 ? 3 * s->view + of_view : 3 * f->views + 2 * s->place + of_place);
 }
 
 /* Pixel of a sight's place, and its slopes by the sight's own unknowns. @return false: it is behind the view */
@@ -129,6 +154,8 @@ static bool set_up(struct fit *t)
         if (!add_sight(t, &f->sight[s]))
             return false;
     }
+    for (int c = 0; c < 2; c++)
+        add_prior(t, 2 + c, f->slope[c], SIGMA_SLOPE);
     if (f->free_lens) {
         add_prior(t, 0, f->plane_moves ? f->raise_mm / t->away : log(f->focal),
                   f->plane_moves ? SIGMA_RAISE : SIGMA_FOCAL);
@@ -139,7 +166,7 @@ static bool set_up(struct fit *t)
 
         turn_of(v, f, k);
         for (int i = 0; i < 3; i++)
-            add_prior(t, 2 + 3 * k + i, v[i], f->sigma_rad);
+            add_prior(t, SHARED + 3 * k + i, v[i], f->sigma_rad);
     }
     return true;
 }
@@ -147,23 +174,20 @@ static bool set_up(struct fit *t)
 static void take_step(struct fit *t)
 {
     struct lens_fit *f = t->f;
-    const double raise = f->plane_moves ? t->b[0] * t->away : 0;
 
-    f->raise_mm += raise;
+    f->raise_mm += f->plane_moves ? t->b[0] * t->away : 0;
     f->focal *= f->plane_moves ? 1 : exp(t->b[0]);
     f->k1 += t->b[1];
     for (int k = 0; k < f->views; k++) {
         double turn[9];
 
-        sst_rotation_from_vector(t->b + 2 + 3 * k, turn);
+        sst_rotation_from_vector(t->b + SHARED + 3 * k, turn);
         sst_numbers_mul3(turn, f->camera[k].rotation, f->camera[k].rotation);
     }
-    for (int p = 0; p < f->places; p++) {
-        const double *by = t->b + 2 + 3 * f->views + 2 * p;
-
-        for (int i = 0; i < 3; i++)
-            f->place_mm[p][i] += raise * f->normal[i] + t->away * (by[0] * f->across[0][i] + by[1] * f->across[1][i]);
-    }
+    for (int p = 0; p < f->places; p++)
+        move_place(f->place_mm[p], t, t->b, t->b + SHARED + 3 * f->views + 2 * (ptrdiff_t)p);
+    for (int c = 0; c < 2; c++)
+        f->slope[c] += t->b[2 + c];
 }
 
 /* Add a sight's pull at two combinations of the unknowns to the pulls of its view and of its place. */
@@ -215,7 +239,7 @@ static int judge(struct fit *t)
 
         turn_of(turn, f, k);
         for (int i = 0; i < 6; i++)
-            pull[k][i / 3] -= of[i / 3 * t->n + 2 + 3 * k + i % 3] * turn[i % 3] / (f->sigma_rad * f->sigma_rad);
+            pull[k][i / 3] -= of[i / 3 * t->n + SHARED + 3 * k + i % 3] * turn[i % 3] / (f->sigma_rad * f->sigma_rad);
     }
     for (int i = 0; i < f->views + f->places; i++) {
         for (int j = 0; j < 3; j++)
@@ -252,7 +276,7 @@ static int find_median(struct fit *t)
 
 int lens_fit(struct lens_fit *f)
 {
-    struct fit t = { .f = f, .n = 2 + 3 * f->views + 2 * f->places };
+    struct fit t = { .f = f, .n = SHARED + 3 * f->views + 2 * f->places };
     int err = 0;
 
     f->raise_mm = f->chi2 = 0;

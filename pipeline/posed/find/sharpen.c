@@ -630,7 +630,6 @@ static int refine(struct sharp *s, struct sst_posed *posed, struct sst_sharpened
         return err;
     }
     out->after = after;
-    out->distance_mm = s->at[0];
     for (int k = 0; k < s->n; k++)
         memcpy(posed->view[s->view[k]].camera.rotation, s->greys.camera[k].rotation, sizeof(*s->given));
     for (int k = 0; k < posed->count && out->lens_gain > 0; k++) {
@@ -658,9 +657,11 @@ int sst_posed_sharpen(struct sst_posed *posed, const char *dir, const struct sst
     if (!err && cfg->look)
         err = climb(&s, &out->before, 1);
     out->after = out->before;
-    out->distance_mm = s.at[0];
     if (!err && !cfg->look)
         err = refine(&s, posed, out);
+    out->plane = sharp_plane(&s, s.at);
+    out->distance_mm = s.at[0];
+    out->tilt_deg = atan(hypot(s.at[1], s.at[2])) / SHARP_RAD;
     sharp_fini(&s);
     if (err == -ENOMEM)
         sst_log_error("%s: no memory to register %d views", dir, posed->count);

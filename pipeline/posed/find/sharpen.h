@@ -5,6 +5,7 @@
 #define SST_PIPELINE_POSED_FIND_SHARPEN_H
 
 #include "pipeline/posed/posed.h"
+#include "pipeline/posed/surface.h"
 
 struct sst_sharpen_config {
     double sigma_angle_deg; /* of each view's rotation, about the axes across its direction; 0: 0.5 */
@@ -14,9 +15,11 @@ struct sst_sharpen_config {
 };
 
 struct sst_sharpened {
-    double before, after; /* sharpness: mean product of two views' scores where both look, on the sharpest plane */
-    double distance_mm;   /* of the sharpest plane along the middle view's axis */
-    int moved;            /* views with a changed rotation */
+    double before, after;     /* sharpness: mean product of two views' scores where both look, on the sharpest plane */
+    struct sst_surface plane; /* the sharpest one, or where the source knows the ground */
+    double distance_mm;       /* of this plane along the middle view's axis */
+    double tilt_deg;          /* ... against planes across gravity, or across the middle view's axis */
+    int moved;                /* views with a changed rotation */
     double focal,
         k1; /* the lens that was put before all views' own, as sst_camera_adjust(): focal is a factor; 1, 0: none */
     double lens_gain; /* ratio of sharpness with and without it; 0: lenses are as they were */

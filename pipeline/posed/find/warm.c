@@ -280,8 +280,6 @@ static int fit_once(struct sharp *s, struct lens_fit *fit)
         err = fit->sights < 0 ? fit->sights : w.places < FEW_PLACES || fit->sights < 2 * s->n ? -ENODATA : 0;
     }
     if (!err) {
-        const struct sst_surface plane = sharp_plane(s, s->at);
-
         fit->views = s->n;
         fit->camera = s->greys.camera;
         fit->given = s->given;
@@ -289,10 +287,11 @@ static int fit_once(struct sharp *s, struct lens_fit *fit)
         fit->place_mm = w.at_mm;
         fit->sight = w.sight;
         fit->sigma_rad = s->turn_sigma;
-        memcpy(fit->normal, plane.normal, sizeof(fit->normal));
-        vector_cross(fit->across[0], fit->normal, s->camera.rotation + 3);
-        vector_unit(fit->across[0]);
-        vector_cross(fit->across[1], fit->normal, fit->across[0]);
+        memcpy(fit->normal, s->normal, sizeof(fit->normal));
+        memcpy(fit->across, s->across, sizeof(fit->across));
+        memcpy(fit->slope, s->at + 1, sizeof(fit->slope));
+        for (int i = 0; i < 3; i++)
+            fit->pivot_mm[i] = s->camera.centre_mm[i] + s->at[0] * s->camera.rotation[6 + i];
         for (int k = 0; k < s->n; k++) { /* the lens of the fit comes before the views' own */
             double own[9];
 
@@ -308,11 +307,17 @@ static int fit_once(struct sharp *s, struct lens_fit *fit)
         sst_rotation_between(s->greys.camera[k].rotation, s->given[k], turn);
         sst_rotation_to_vector(turn, s->turned[k]);
     }
+    if (!err)
+        memcpy(s->at + 1, fit->slope, sizeof(fit->slope));
     if (!err && fit->free_lens) {
         s->focal = fit->focal;
         s->k1 = fit->k1;
-        if (fit->plane_moves)
-            s->at[0] += fit->raise_mm * vector_length(fit->normal) / vector_dot(fit->normal, s->camera.rotation + 6);
+        if (fit->plane_moves) {
+            const double *axis = s->camera.rotation + 6;
+
+            s->at[0] += fit->raise_mm / (vector_dot(s->normal, axis) + s->at[1] * vector_dot(s->across[0], axis) +
+                                         s->at[2] * vector_dot(s->across[1], axis));
+        }
     }
     warm_fini(&w);
     return err;

@@ -256,6 +256,7 @@ static int take_sharpened(struct sst_posed *posed, struct sst_posed *sharp, cons
     }
     solved->sharper = by->after / by->before;
     solved->ground_mm = by->distance_mm;
+    solved->ground_tilt_deg = by->tilt_deg;
     *posed = *sharp;
     *sharp = features; /* to be freed */
     return 0;

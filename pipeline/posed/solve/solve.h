@@ -34,7 +34,8 @@ struct sst_posed_solved {
     double sharper;           /* ratio of sharpness after and before, where warm places refined poses; else 0 */
     double lens_gain; /* ratio of sharpness with and without a lens that warm places show; 0: lenses are as they were */
     double lens_focal_px, lens_k1; /* of the first placed view before, and k1 of the lens before the view's own */
-    double ground_mm;              /* distance of the plane on which they are sharp, along the middle view's axis */
+    double ground_mm;       /* distance of the plane on which they are sharp, along the middle view's axis, ... */
+    double ground_tilt_deg; /* and its tilt */
 };
 
 void sst_posed_solved_fini(struct sst_posed_solved *solved);
