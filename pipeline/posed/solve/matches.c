@@ -11,12 +11,12 @@
 #include "pipeline/posed/picture.h"
 #include "pipeline/posed/solve/solve_internal.h"
 
-#define FEW_FEATURES 250 /* of a picture, the strongest, to find its neighbours */
-#define NEIGHBOURS   6   /* nearest views of each that are matched besides the next two in order */
+#define FEW_FEATURES  250  /* of a picture, the strongest, to find its neighbours */
+#define NEIGHBOURS    6    /* nearest views of each that are matched besides the next two in order */
 #define SOME_FEATURES 1000 /* to find the order of few pictures */
-#define MIN_RAW      20  /* matches before the epipolar geometry */
-#define MIN_COARSE   14  /* matches of few features; pictures of other things have up to 11 */
-#define SIMILAR_PX   12  /* of a similarity, of pictures that are 1024 px wide */
+#define MIN_RAW       20   /* matches before the epipolar geometry */
+#define MIN_COARSE    14   /* matches of few features; pictures of other things have up to 11 */
+#define SIMILAR_PX    12   /* of a similarity, of pictures that are 1024 px wide */
 
 int poses_levels(void *arg, int view, float **level)
 {
@@ -408,20 +408,28 @@ int poses_scene_match(struct poses_scene *scene, int threads)
     return err;
 }
 
+void poses_scene_unmatch(struct poses_scene *scene)
+{
+    for (int p = 0; p < scene->pairs; p++)
+        free(scene->pair[p].match);
+    for (int v = 0; v < scene->views && scene->placed; v++)
+        scene->placed[v] = false;
+    scene->pairs = scene->used = 0;
+    poses_tracks_fini(&scene->few);
+    poses_model_fini(&scene->model);
+}
+
 void poses_scene_fini(struct poses_scene *scene)
 {
     for (int v = 0; scene->feature && v < scene->views; v++) {
         free(scene->feature[v].at);
         free(scene->feature[v].descriptor);
     }
-    for (int p = 0; p < scene->pairs; p++)
-        free(scene->pair[p].match);
     free(scene->feature);
     free(scene->middle);
+    poses_scene_unmatch(scene);
     free(scene->pair);
     free(scene->linked);
     free(scene->placed);
-    poses_tracks_fini(&scene->few);
-    poses_model_fini(&scene->model);
     *scene = (struct poses_scene){ 0 };
 }

@@ -2,6 +2,7 @@
 /* SPDX-FileCopyrightText: 2026 The sst contributors */
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <errno.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -9,8 +10,13 @@
 #include "pipeline/posed/solve/solve_internal.h"
 
 #define PREFERENCE 1.25 /* ratio of scores of the best path and of names up to which their order stays */
-#define ALONE_SELF 1.7  /* a view whose most matches are below both, of its median and of all views' median most, ... */
-#define ALONE_ALL  0.5  /* ... matches nothing */
+#define ALONE_SELF                                                                                                     \
+    1.7               /* a view whose most matches are below both, of its median and of all views' median most, ...    \
+                       */
+#define ALONE_ALL 0.5 /* ... matches nothing */
+#define LEAST_GAP 0.4 /* of views on a line, of their mean one */
+#define MOST_GAP  2.0
+#define ASIDE     1.0 /* of the mean gap: distance from the line */
 
 /* Matches of next views, and by half of second next ones: these pairs are matched in full. */
 static int64_t path_score(const int *path, const int *alike, int count, int views)
@@ -86,6 +92,11 @@ static void follow(int *path, const int *alike, int count, int views, int first)
         path[best] = path[i];
         path[i] = view;
     }
+}
+
+static double apart(const double a[3], const double b[3])
+{
+    return hypot(hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]);
 }
 
 /* Views that match others, then the rest, both in the order of names. @return number that match */
@@ -180,29 +191,89 @@ static int permute(void *array, size_t size, const int *from, int count)
     return 0;
 }
 
-int poses_scene_arrange(struct poses_scene *scene, const int *order)
+/* The light field's own array stays in the order of names. */
+static int copy_views(struct poses_scene *scene)
 {
     const int n = scene->views;
     struct sst_posed_view *view = malloc((size_t)n * sizeof(*view));
-    int err = permute(scene->feature, sizeof(*scene->feature), order, n);
 
     scene->order = malloc((size_t)n * 2 * sizeof(*scene->order));
-    err = err || !view || !scene->order ? -ENOMEM : permute(scene->middle, sizeof(*scene->middle), order, n);
-    if (err) {
+    if (!view || !scene->order) {
         free(view);
         free(scene->order);
         scene->order = NULL;
-        return err;
+        return -ENOMEM;
     }
+    memcpy(view, scene->posed->view, (size_t)n * sizeof(*view));
     scene->named = scene->order + n;
-    for (int i = 0; i < n; i++) {
-        view[i] = scene->posed->view[order[i]];
-        scene->order[i] = order[i];
-        scene->named[order[i]] = i;
-    }
+    for (int i = 0; i < n; i++)
+        scene->order[i] = i;
     scene->in_names_order = scene->posed->view;
     scene->posed->view = view;
     return 0;
+}
+
+int poses_scene_arrange(struct poses_scene *scene, const int *order)
+{
+    const int n = scene->views;
+    int err = scene->order ? 0 : copy_views(scene);
+
+    err = err ? err : permute(scene->feature, sizeof(*scene->feature), order, n);
+    err = err ? err : permute(scene->middle, sizeof(*scene->middle), order, n);
+    err = err ? err : permute(scene->posed->view, sizeof(*scene->posed->view), order, n);
+    err = err ? err : permute(scene->order, sizeof(*scene->order), order, n);
+    for (int i = 0; !err && i < n; i++)
+        scene->named[scene->order[i]] = i;
+    return err;
+}
+
+bool poses_line_order(int *order, const struct poses_scene *scene)
+{
+    const double(*at)[3] = (const double(*)[3])scene->model.centre;
+    const int n = scene->views;
+    double place[POSES_MANY_VIEWS], along[3], longest = 0, step, aside = 0;
+    int end[2] = { 0 };
+
+    for (int v = 0; v < n; v++) {
+        if (!scene->placed[v] || n > POSES_MANY_VIEWS)
+            return false;
+        for (int k = 0; k < v; k++) {
+            const double mm = apart(at[v], at[k]);
+
+            if (mm > longest) {
+                longest = mm;
+                end[0] = k;
+                end[1] = v;
+            }
+        }
+    }
+    step = longest / (n - 1);
+    if (n < 3 || !(step > 0))
+        return false;
+    for (int i = 0; i < 3; i++)
+        along[i] = (at[end[1]][i] - at[end[0]][i]) / longest;
+    for (int v = 0; v < n; v++) { /* sorted in */
+        int i = v;
+        double from;
+
+        place[v] = 0;
+        for (int c = 0; c < 3; c++)
+            place[v] += along[c] * (at[v][c] - at[end[0]][c]);
+        from = apart(at[v], at[end[0]]);
+        aside = fmax(aside, sqrt(fmax(from * from - place[v] * place[v], 0)));
+        for (; i > 0 && place[order[i - 1]] > place[v]; i--)
+            order[i] = order[i - 1];
+        order[i] = v;
+    }
+    for (int i = 1; i < n; i++) {
+        const double gap = place[order[i]] - place[order[i - 1]];
+
+        if (gap < LEAST_GAP * step || gap > MOST_GAP * step)
+            return false;
+    }
+    if (order[0] > order[n - 1])
+        turn_round(order, n);
+    return aside < ASIDE * step;
 }
 
 int poses_scene_restore(struct poses_scene *scene, struct sst_posed_solved *solved)

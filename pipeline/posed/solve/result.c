@@ -47,7 +47,7 @@ static int first_placed(const struct poses_scene *scene)
 /* Neighbours on a line are its own, others those in the order of names. */
 static double spacing_of(const struct poses_scene *scene)
 {
-    return poses_spacing(&scene->model, scene->placed, scene->line ? NULL : scene->named);
+    return poses_spacing(&scene->model, scene->placed, scene->line || scene->along ? NULL : scene->named);
 }
 
 /* Axes of the first placed view, at it. */

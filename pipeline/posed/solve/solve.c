@@ -103,6 +103,32 @@ static int arrange(struct poses_scene *scene, int count, const struct sst_posed_
     return err;
 }
 
+/* Once more, if views stand on a line in another order: matches and neighbours are those of the line. */
+static int find_along(struct poses_scene *scene, const struct sst_posed_solve_config *cfg)
+{
+    int order[POSES_MANY_VIEWS], err = 0;
+    bool as_named = true, again = false;
+
+    if (cfg->refine || scene->views < 3 || scene->views > POSES_MANY_VIEWS || !poses_line_order(order, scene))
+        return 0;
+    for (int i = 0; i < scene->views; i++) {
+        again = again || order[i] != i;
+        as_named = as_named && (scene->order ? scene->order[order[i]] : order[i]) == i;
+    }
+    if (again) {
+        poses_scene_unmatch(scene);
+        err = poses_scene_arrange(scene, order);
+        err = err ? err : poses_scene_match(scene, cfg->threads);
+        err = err ? err : poses_find(scene, cfg);
+    }
+    scene->along = true;
+    if (!err && !as_named)
+        sst_log_warning("%s: views stand on a line, and their names are in another order; neighbours are those on the "
+                        "line",
+                        scene->dir);
+    return err;
+}
+
 /* The same number of views, or the moments are not of one rig. Sizes may differ: pictures can have been cropped. */
 static int check_alike(const struct poses_scene *scene, int count)
 {
@@ -134,6 +160,8 @@ static int solve_scenes(struct poses_scene *scene, int count, const struct sst_p
         report_progress(cfg, 0.4 + 0.6 * (i + 0.6) / count);
         if (!err)
             err = poses_find(&scene[i], cfg);
+        if (!err && !cfg->one_rig)
+            err = find_along(&scene[i], cfg);
     }
     if (!err && cfg->one_rig && count > 1)
         err = poses_share_rig(scene, count, cfg);

@@ -60,6 +60,7 @@ struct poses_scene {
     struct poses_model model; /* of `few`, once it is found; unit: mean distance of neighbours */
     double unit_mm;           /* of the model, where poses are given */
     bool line;                /* the views stand on a line */
+    bool along;               /* ... in their order, by the centres that are found */
     bool *placed;             /* [views] by sights, or by the rig alone */
     int *order, *named; /* [views] place in the order of names of each view, and the reverse, while views are in another
                            order (poses_scene_arrange()); NULL: views are in the order of names */
@@ -86,6 +87,8 @@ SST_MUST_CHECK int poses_scene_compare(const struct poses_scene *scene, int *ali
 SST_MUST_CHECK int poses_scene_match(struct poses_scene *scene, int threads);
 /** Levels of a light field's pictures; arg: its struct poses_scene. */
 int poses_levels(void *arg, int view, float **level);
+/** Forget matches and poses, keep features. */
+void poses_scene_unmatch(struct poses_scene *scene);
 void poses_scene_fini(struct poses_scene *scene);
 
 /* --- order.c ------------------------------------------------------------------------------------------------------ */
@@ -93,7 +96,10 @@ void poses_scene_fini(struct poses_scene *scene);
 /** Order in which views match the next ones best; the order of names where this matches as well. Views without matches
  *  are the last. @param order  out, [views]. @param alike  [views][views] matches, symmetric. @return 0, -ENOMEM */
 SST_MUST_CHECK int poses_order(int *order, const int *alike, int views);
-/** Bring the views of a scene with features into another order. @return 0, -ENOMEM */
+/** Order of placed views along the line on which they stand, with about equal distances. @param order  out, [views]
+ *  @return false: they do not */
+SST_MUST_CHECK bool poses_line_order(int *order, const struct poses_scene *scene);
+/** Bring the views of a scene with features into another order, also once more. @return 0, -ENOMEM */
 SST_MUST_CHECK int poses_scene_arrange(struct poses_scene *scene, const int *order);
 /** Back to the order of names, with the result, which may be empty. @return 0, -ENOMEM */
 SST_MUST_CHECK int poses_scene_restore(struct poses_scene *scene, struct sst_posed_solved *solved);
