@@ -12,12 +12,12 @@
 #include "base/text.h"
 #include "pipeline/posed/solve/solve.h"
 
-#define METRE_MM    1000.0
-#define MOST_LF     256  /* on one command line */
+#define METRE_MM   1000.0
+#define MOST_LF    256 /* on one command line */
 #define FOCAL_VAGUE 0.05 /* doubt of a focal length that was found, of which users are warned */
 #define FOUND_FOCAL "focal length "
-#define FOCAL_MISS  0.1   /* of the focal length: searches with narrow lenses are a few percent off */
-#define WIDEST      110.0 /* degrees across the width of a plausible lens that is no fisheye */
+#define FOCAL_MISS 0.1 /* of the focal length: searches with narrow lenses are a few percent off */
+#define WIDEST     110.0 /* degrees across the width of a plausible lens that is no fisheye */
 
 struct poses_run {
     int count;
@@ -73,9 +73,8 @@ static json_t *result_json(const struct poses_run *run, int i)
         json_object_update_new(json, json_pack("{s:f, s:f, s:f}", "sharper", r->sharper, "ground_m",
                                                r->ground_mm / METRE_MM, "ground_tilt_deg", r->ground_tilt_deg));
     if (r->lens_gain > 0)
-        json_object_set_new(json, "lens",
-                            json_pack("{s:f, s:f, s:f}", "given_focal_px", r->lens_focal_px, "k1", r->lens_k1,
-                                      "sharper", r->lens_gain));
+        json_object_set_new(json, "lens", json_pack("{s:f, s:f, s:f}", "given_focal_px", r->lens_focal_px, "k1", r->lens_k1,
+                                                    "sharper", r->lens_gain));
     return json;
 }
 
@@ -130,24 +129,19 @@ static void print_text(const struct poses_run *run, int i, bool refine)
             "  these replace %d given poses (%.*s); --refine starts from given poses and keeps their axes and unit\n",
             run->given[i], (int)strcspn(run->origin[i], ";"), run->origin[i][0] ? run->origin[i] : "of unknown origin");
     if (r->focal_doubt > FOCAL_VAGUE)
-        printf("  these views hardly fix the focal length, and heights of the scene are as uncertain: if it is known, "
-               "give it by "
+        printf("  these views hardly fix the focal length, and heights of the scene are as uncertain: if it is known, give it by "
                "--focal PX\n");
     if (across > WIDEST)
         printf("  the focal length may be wrong: the picture would be %.0f degrees wide; it is in pixels, not mm: try "
-               "--focal 0, which searches it\n",
-               across);
+               "--focal 0, which searches it\n", across);
     else if (r->free_focal_px > 0 && fabs(r->free_focal_px / r->focal_px - 1) > FOCAL_MISS)
-        printf(
-            "  the focal length may be wrong: the matches ask for %.1f px, %.0f %% %s; try --focal 0, which searches "
-            "it, or --lens\n",
-            r->free_focal_px, 100 * fabs(r->free_focal_px / r->focal_px - 1),
-            r->free_focal_px > r->focal_px ? "more" : "less");
+        printf("  the focal length may be wrong: the matches ask for %.1f px, %.0f %% %s; try --focal 0, which searches "
+               "it, or --lens\n",
+               r->free_focal_px, 100 * fabs(r->free_focal_px / r->focal_px - 1),
+               r->free_focal_px > r->focal_px ? "more" : "less");
     if (r->lens_gain > 0)
-        printf("  one lens for all views by warm places: focal length %.1f px in place of %.1f px, k1 %+.3f before the "
-               "views' own; "
-               "%.2f times as sharp as without; --keep-lens leaves it\n",
-               r->focal_px, r->lens_focal_px, r->lens_k1, r->lens_gain);
+        printf("  one lens for all views by warm places: focal length %.1f px in place of %.1f px, k1 %+.3f before the views' own; "
+               "%.2f times as sharp as without; --keep-lens leaves it\n", r->focal_px, r->lens_focal_px, r->lens_k1, r->lens_gain);
     if (r->sharper > 0)
         printf("  %.2f times as sharp as with the given poses, on a ground %.2f %s in front of the middle view, tilted "
                "by %.1f degrees\n",

@@ -7,11 +7,10 @@
 #include "pipeline/posed/virtual.h"
 
 struct sst_ground_config {
-    double near_mm,
-        far_mm; /* along the virtual camera's axis; 0: from the sparse points, else from the views' distances */
-    bool level; /* planes stay perpendicular to `up`, or to the axis where it is unknown */
+    double near_mm, far_mm; /* along the virtual camera's axis; 0: from the sparse points, else from the views' distances */
+    bool level;             /* planes stay perpendicular to `up`, or to the axis where it is unknown */
     int threads;
-    const SST_ATOMIC(bool) * canceled; /* NULL: it runs to its end */
+    const SST_ATOMIC(bool) *canceled; /* NULL: it runs to its end */
 };
 
 #define SST_GROUND_PLANES 400
@@ -20,7 +19,7 @@ struct sst_posed_ground {
     struct sst_surface plane;
     double distance_mm; /* along the virtual camera's axis */
     double tilt_deg;    /* of the plane from where the sweep began */
-    bool weak;          /* few patches decide: views hardly correlate over all pixels; the tilt is not told */
+    bool weak;          /* few patches decide: views hardly correlate over all pixels; the tilt is vague */
     int views;          /* that were compared */
     int planes;         /* of the sweep, near to far: */
     double at_mm[SST_GROUND_PLANES];

@@ -218,7 +218,7 @@ static void forest_is_placed(void **state SST_UNUSED)
     forest(false);
 }
 
-/* Pictures that match about as well in the order of names as along the rod: neighbours are those on the rod. */
+/* Pictures that match about as well in the order of names as along the rod: neighbours stand next to each other on it. */
 static void rod_is_measured_along(void **state SST_UNUSED)
 {
     static const int named[] = { 0, 2, 4, 1, 3 };

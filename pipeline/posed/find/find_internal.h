@@ -76,8 +76,7 @@ SST_MUST_CHECK int find_maps(struct find_search *s);
 /** Free, and log errors that have no words yet. @return err, as callers of searches see it */
 int find_search_end(struct find_search *s, int err);
 
-/** The threshold for s->maps->score, and the false finds that are expected at it, into s and s->maps. @return 0,
- * -ENOMEM */
+/** The threshold for s->maps->score, and the false finds that are expected at it, into s and s->maps. @return 0, -ENOMEM */
 SST_MUST_CHECK int find_choose_threshold(struct find_search *s);
 
 /** Scores of a view on the surface; NAN where it shows nothing of it. @return 0, -ENOMEM, or as sst_posed_picture() */
@@ -117,8 +116,7 @@ SST_MUST_CHECK int find_local_scores(struct sst_deep *out, const struct sst_deep
  * then smoothed. @param reach  px of the means; 0: none */
 SST_MUST_CHECK int find_colour_scores(struct sst_deep *out, const struct sst_deep *picture, int reach);
 
-/* --- one lens of all views, by places on a plane ---------------------------------------------------------------------
- */
+/* --- one lens of all views, by places on a plane --------------------------------------------------------------------- */
 
 struct lens_sight {
     int view, place;
@@ -140,7 +138,7 @@ struct lens_fit {
     bool plane_moves;
 
     double focal, k1; /* in and out: the lens before each view's own, as sst_camera_adjust() */
-    double slope[2];  /* in and out: tangents, the normal is that without slopes plus slope times across */
+    double slope[2];  /* in and out: tangents; the normal is the one without slopes, plus slope times across */
     double raise_mm;  /* out: of the plane, along its normal */
     double chi2;      /* out: of the lens against none, in squares of standard errors, which views and places show */
     double median_px; /* out: of the sights */

@@ -11,12 +11,12 @@
 #include "pipeline/posed/picture.h"
 #include "pipeline/posed/solve/solve_internal.h"
 
-#define FEW_FEATURES  250  /* of a picture, the strongest, to find its neighbours */
-#define NEIGHBOURS    6    /* nearest views of each that are matched besides the next two in order */
+#define FEW_FEATURES 250 /* of a picture, the strongest, to find its neighbours */
+#define NEIGHBOURS   6   /* nearest views of each that are matched besides the next two in order */
 #define SOME_FEATURES 1000 /* to find the order of few pictures */
-#define MIN_RAW       20   /* matches before the epipolar geometry */
-#define MIN_COARSE    14   /* matches of few features; pictures of other things have up to 11 */
-#define SIMILAR_PX    12   /* of a similarity, of pictures that are 1024 px wide */
+#define MIN_RAW      20  /* matches before the epipolar geometry */
+#define MIN_COARSE   14  /* matches of few features; pictures of other things have up to 11 */
+#define SIMILAR_PX   12  /* of a similarity, of pictures that are 1024 px wide */
 
 int poses_levels(void *arg, int view, float **level)
 {

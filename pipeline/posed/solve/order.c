@@ -10,13 +10,11 @@
 #include "pipeline/posed/solve/solve_internal.h"
 
 #define PREFERENCE 1.25 /* ratio of scores of the best path and of names up to which their order stays */
-#define ALONE_SELF                                                                                                     \
-    1.7               /* a view whose most matches are below both, of its median and of all views' median most, ...    \
-                       */
-#define ALONE_ALL 0.5 /* ... matches nothing */
-#define LEAST_GAP 0.4 /* of views on a line, of their mean one */
-#define MOST_GAP  2.0
-#define ASIDE     1.0 /* of the mean gap: distance from the line */
+#define ALONE_SELF 1.7  /* a view whose most matches are below both, of its median and of all views' median most, ... */
+#define ALONE_ALL  0.5  /* ... matches nothing */
+#define LEAST_GAP  0.4  /* of views on a line, of the mean gap */
+#define MOST_GAP   2.0
+#define ASIDE      1.0  /* of the mean gap: distance from the line */
 
 /* Matches of next views, and by half of second next ones: these pairs are matched in full. */
 static int64_t path_score(const int *path, const int *alike, int count, int views)

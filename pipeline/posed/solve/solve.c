@@ -103,7 +103,7 @@ static int arrange(struct poses_scene *scene, int count, const struct sst_posed_
     return err;
 }
 
-/* Once more, if views stand on a line in another order: matches and neighbours are those of the line. */
+/* Once more, if views stand on a line in another order, with matches and neighbours along it. */
 static int find_along(struct poses_scene *scene, const struct sst_posed_solve_config *cfg)
 {
     int order[POSES_MANY_VIEWS], err = 0;
