@@ -31,6 +31,8 @@ export class Visits {
     this.loading = null;
     this.current = ""; // name, for keys
     this.chosen = new Set(); // names of the selection
+    this.reviewing = new Set(); // visits whose review is not sent yet
+    this.sending = false;
     this.anchor = ""; // where it began
     this.cards = new Cards($("visits"), { build: () => this.build(), show: (row, visit) => this.showCard(row, visit), drop: (row) => this.drop(row) },
       () => this.loadMore().catch(complain));
@@ -399,7 +401,19 @@ export class Visits {
     }
     const next = this.list[this.list.indexOf(visit) + 1] ?? await this.next(visit, 1);
     this.focus((next ?? visit).visit); // before the answer: the next press is of the next one
-    if (!visit.reviewed) await act("reviewed", [visit], this);
+    if (!visit.reviewed) this.reviewing.add(visit);
+    await this.sendReviewed();
+  }
+
+  /** One request at a time: keys that repeat faster than the service answers are of the next one. */
+  async sendReviewed() {
+    if (this.sending || !this.reviewing.size) return;
+    const list = [...this.reviewing];
+    this.sending = true;
+    this.reviewing.clear();
+    await act("reviewed", list, this);
+    this.sending = false;
+    await this.sendReviewed();
   }
 
   /** @param pause  () => void: playing */
