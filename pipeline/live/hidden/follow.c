@@ -29,6 +29,10 @@
 #define GAIN_DEPTH  0.1 /* at least: a mean in the beginning */
 #define SETS        3   /* and seconds of a thing that is reported */
 #define SECONDS     1.0
+/* While the level of the leaves is not known: times the evidence, of a thing that has moved by this much of its size.
+ */
+#define EARLY       2.0
+#define EARLY_MOVED 0.5
 #define LEFT_NS     INT64_C(12000000000) /* for this long it counts that a reported one has been at a place */
 #define AFTER_S     30.0                 /* until a track is reported that begins there, or has been beside one */
 #define STAYS_S     600.0                /* an object that has not moved for this long is part of the scene */
@@ -152,9 +156,15 @@ static void see(struct hidden_track *a, const struct group *g, double dt_s, int6
     a->seen = true;
 }
 
+/* Sizes by which it has gone away from where it began. */
+static double moved(const struct hidden_track *a)
+{
+    return hypot(a->x - a->from_x, a->y - a->from_y) / fmax(fmax(a->w, a->h), 1);
+}
+
 bool hidden_track_moved(const struct hidden_track *a)
 {
-    return hypot(a->x - a->from_x, a->y - a->from_y) > fmax(a->w, a->h);
+    return moved(a) > 1;
 }
 
 /* A passing person disturbs the leaves, and their background model, for some seconds. */
@@ -231,7 +241,7 @@ static bool may_be_reported(const struct hidden_tracks *t, const struct hidden_t
     const double age_s = (double)(t->t_ns - a->thing.first_ns) * 1e-9;
 
     return !a->thing.reported && a->thing.evidence >= threshold && a->sets >= SETS && !is_part(t, a) &&
-           age_s >= (a->beside ? AFTER_S : SECONDS);
+           age_s >= (a->beside ? AFTER_S : SECONDS) && (!t->early || moved(a) > EARLY_MOVED);
 }
 
 static void add(struct hidden_tracks *t, const struct group *g, int64_t t_ns)
@@ -359,6 +369,16 @@ static void report(struct hidden_tracks *t, struct hidden_track *a)
     note_way(t, b && b->thing.reported ? b : a);
 }
 
+void hidden_tracks_doubt(struct hidden_tracks *t)
+{
+    int kept = 0;
+
+    for (int i = 0; i < t->count; i++)
+        if (t->track[i].thing.reported)
+            t->track[kept++] = t->track[i];
+    t->count = kept;
+}
+
 void hidden_tracks_wait(struct hidden_tracks *t, int64_t t_ns)
 {
     const double dt_s = fmax((double)(t_ns - t->t_ns) * 1e-9, 0);
@@ -385,7 +405,7 @@ void hidden_tracks_follow(struct hidden_tracks *t, const struct hidden_candidate
     const double dt_s = t->t_ns ? fmax((double)(t_ns - t->t_ns) * 1e-9, 0) : 0;
     struct group g[SST_HIDDEN_THINGS];
     const int groups = join(g, c, count, p);
-    const double threshold = hidden_tracks_threshold(t);
+    const double threshold = hidden_tracks_threshold(t) * (t->early ? EARLY : 1);
     int kept = 0;
 
     t->t_ns = t_ns;
@@ -403,20 +423,20 @@ void hidden_tracks_follow(struct hidden_tracks *t, const struct hidden_candidate
         a->beside |= a->behind_one || is_part(t, a) || was_left(t, a);
         a->gone = !stays(a, dt_s, t_ns);
     }
-    for (int i = 0; i < t->count && !t->quiet; i++) {
+    for (int i = 0; i < t->count; i++) {
         if (t->track[i].gone)
             leave_to_heir(t, &t->track[i], threshold);
         else
             become_better(t, &t->track[i], threshold);
     }
-    for (int i = 0; i < t->count && !t->quiet; i++)
+    for (int i = 0; i < t->count; i++)
         if (!t->track[i].gone && may_be_reported(t, &t->track[i], threshold))
             report(t, &t->track[i]);
     for (int i = 0; i < t->count; i++) {
         struct hidden_track *a = &t->track[i];
 
         if (a->gone) {
-            if (!t->quiet)
+            if (!t->early)
                 note_chance(t, a);
             continue;
         }
@@ -428,6 +448,6 @@ void hidden_tracks_follow(struct hidden_tracks *t, const struct hidden_candidate
     for (int k = 0; k < groups; k++)
         if (g[k].z > 0)
             add(t, &g[k], t_ns);
-    if (!t->quiet)
+    if (!t->early)
         note_time(t, fmin(dt_s, SET_MOST_S) / 3600);
 }

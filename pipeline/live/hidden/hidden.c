@@ -9,7 +9,7 @@
 #include "base/thread.h"
 #include "pipeline/live/hidden/hidden_internal.h"
 
-#define QUIET_S 30.0
+#define EARLY_S 30.0
 #define KEEP_NS INT64_C(120000000000) /* dwell from which an object becomes background */
 /* Sets that follow sooner are searched together with later ones: evidence is a matter of time, not of sets. */
 #define SEARCH_NS INT64_C(150000000)
@@ -127,6 +127,13 @@ static void find_kept(struct sst_hidden *h)
     }
 }
 
+/* Learn the background level as at the start. */
+static void begin_again(struct sst_hidden *h)
+{
+    hidden_usual_reset(&h->usual);
+    hidden_tracks_doubt(&h->tracks);
+}
+
 static int update_model(void *arg, int k, int worker SST_UNUSED)
 {
     struct sst_hidden *h = arg;
@@ -178,7 +185,7 @@ static void forget_changes(struct sst_hidden *h)
     }
 }
 
-/* Wind after a calm is learnt as the scene is at the start: nothing is reported for QUIET_S. */
+/* Wind after a calm is learnt as the scene is at the start. */
 static void follow_wind(struct sst_hidden *h)
 {
     size_t changed = 0, all = 0;
@@ -197,7 +204,7 @@ static void follow_wind(struct sst_hidden *h)
         for (int k = 0; k < h->cfg.views; k++)
             if (h->model[k])
                 h->model[k]->filled = false;
-        hidden_usual_reset(&h->usual);
+        begin_again(h);
     }
     h->blew = true;
     h->wind_ns = h->in->t_ns;
@@ -226,7 +233,7 @@ int sst_hidden_update(struct sst_hidden *h, const struct sst_hidden_input *in)
     for (int k = 0; k < h->cfg.views; k++)
         model[k] = h->model[k] && in->image[k] && h->model[k]->filled ? h->model[k] : NULL;
     if (!err && hidden_planes_choose(&h->planes, in, h->reach))
-        hidden_usual_reset(&h->usual);
+        begin_again(h);
     err = err ? err : hidden_planes_cover(&h->planes, in, h->step, h->cfg.threads);
     err = err ? err
               : hidden_planes_sum(&h->planes, &(struct hidden_views){ model, h->cfg.views, h->dx, h->dy },
@@ -235,7 +242,7 @@ int sst_hidden_update(struct sst_hidden *h, const struct sst_hidden_input *in)
         return err;
     count = hidden_usual_follow(&h->usual, &h->planes, &(struct hidden_kept){ in->t_ns, h->keep, h->keeps },
                                 h->cfg.threads, candidate);
-    h->tracks.quiet = h->usual.age_s < QUIET_S;
+    h->tracks.early = h->usual.age_s < EARLY_S;
     hidden_tracks_follow(&h->tracks, candidate, count, &h->planes, in->t_ns);
     return 0;
 }

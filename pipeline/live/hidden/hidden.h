@@ -52,9 +52,10 @@ SST_MUST_CHECK int sst_hidden_open(struct sst_hidden **out, const struct sst_hid
 void sst_hidden_close(struct sst_hidden *h); /* NULL is fine */
 
 /**
- * Follow one set. Nothing is reported in the first 30 s. Sets less than 0.15 s after the last searched one are not
- * searched: objects stay as they are, and changes are searched with a later set. The same sets give the same objects
- * for any number of threads.
+ * Follow one set. In the first 30 s, and when wind begins after a calm, an object is reported if it has moved by
+ * half of its size and has twice the evidence. Sets less than 0.15 s after the last searched one are not searched:
+ * objects stay as they are, and changes are searched with a later set. The same sets give the same objects for any
+ * number of threads.
  *
  * @return 0, -ENOMEM
  */

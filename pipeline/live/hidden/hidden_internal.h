@@ -169,7 +169,7 @@ struct hidden_tracks {
     int count;
     uint32_t next_key;
     int64_t t_ns;
-    bool quiet; /* nothing is reported yet */
+    bool early; /* the level of the leaves is not known yet */
     double alarms_per_hour;
     /* Statistics of chance: number of false tracks, their evidence above PEAK_MIN, and the hours observed; old ones
      * count less. */
@@ -177,6 +177,9 @@ struct hidden_tracks {
 };
 
 void hidden_tracks_init(struct hidden_tracks *t, double alarms_per_hour);
+
+/** The level of the leaves is not known any more: the evidence of what is not reported yet is none. */
+void hidden_tracks_doubt(struct hidden_tracks *t);
 
 /** Follow a set in which nothing changed: objects stay, for a while. */
 void hidden_tracks_wait(struct hidden_tracks *t, int64_t t_ns);
