@@ -32,8 +32,10 @@
 #define BEFORE_HIDDEN 0.08 /* depths of hidden things are less exact */
 #define STEADY_PX     0.25 /* in addition: not again with each step that comes nearer */
 #define BEFORE_PX     0.5
-#define VISITOR_SHARE 0.15                /* of all rays, at most: a visitor in the gap */
-#define FRONT_SHARE   0.05                /* of all rays, nearer than a track: it moves behind the foreground */
+#define VISITOR_SHARE 0.15 /* of all rays, at most: a visitor in the gap */
+#define FRONT_SHARE   0.05 /* of all rays, nearer than a track: it moves behind the foreground */
+#define FEW_SHARE     0.08 /* of the foreground's rays: wrong depths in its gap, and its farthest leaves */
+#define STEP_PX       0.25
 #define GUARD_NS      INT64_C(3000000000) /* after the last track that needed another cut */
 
 /* Fraction of the counted rays with a disparity of from_px .. to_px. */
@@ -121,12 +123,23 @@ static void apply(struct live_cut *c)
     c->cut_px = isgreater(c->guard_px, c->gap_px) ? c->guard_px : c->gap_px; /* NaN: no exception */
 }
 
-static void set_gap(struct sst_live *live, double px, double end_px)
+/* Farthest surfaces of the foreground, but few of its rays. */
+static double foreground_end(const struct sst_live *live, double px)
+{
+    const double few = FEW_SHARE * share_nearer(live, px);
+    double end_px = px;
+
+    while (few > 0 && share_between(live, px, end_px + STEP_PX) <= few)
+        end_px += STEP_PX;
+    return end_px;
+}
+
+static void set_gap(struct sst_live *live, double px)
 {
     struct live_cut *c = &live->cut;
 
     c->gap_px = px;
-    c->end_px = end_px;
+    c->end_px = isnan(px) ? NAN : foreground_end(live, px);
     c->front = isnan(px) ? 0 : share_nearer(live, px);
     c->since_ns = 0;
 }
@@ -153,11 +166,11 @@ int live_cut_follow(struct sst_live *live, int64_t t_ns)
         c->since_ns = 0;
         c->front = isnan(to_px) ? 0 : fmax(c->front, share_nearer(live, to_px));
     } else if (isnan(c->gap_px)) {
-        set_gap(live, to_px, gap.near_px);
+        set_gap(live, to_px);
     } else if (!c->since_ns) {
         c->since_ns = t_ns;
     } else if (t_ns - c->since_ns >= wait_ns) {
-        set_gap(live, to_px, gap.near_px);
+        set_gap(live, to_px);
     }
     apply(c);
     return 0;
@@ -167,7 +180,30 @@ int live_cut_follow(struct sst_live *live, int64_t t_ns)
  * a depth is no reason to show more of it. */
 static double before_track(const struct live_cut *c, const struct sst_live_track *t)
 {
-    return fmin(sst_live_before(t->disp_px, t->hidden), fmax(t->disp_px, c->end_px) + BEFORE_PX);
+    return fmin(sst_live_before(t->disp_px, t->hidden), fmax(t->disp_px + BEFORE_PX, c->end_px));
+}
+
+/* Fraction of the picture in the boxes of tracks in the open that are as near as this, or nearer. */
+static double share_of_boxes(const struct sst_live *live, const struct sst_live_track *track, int n, double px)
+{
+    double area = 0;
+
+    for (int i = 0; i < n; i++)
+        if (!track[i].hidden && track[i].disp_px >= px)
+            area += (track[i].x1 - track[i].x0) * (track[i].y1 - track[i].y0);
+    return area / ((double)live->lf.width * live->lf.height);
+}
+
+/* Does a track in the open move behind the foreground? The accuracy of its depth may reach beyond a thin foreground:
+ * where it may be behind that one's farthest surfaces, surfaces that are nearer and no track's decide. */
+static bool moves_behind(const struct sst_live *live, const struct sst_live_track *track, int n,
+                         const struct sst_live_track *t)
+{
+    const double px = t->disp_px;
+
+    return share_nearer(live, sst_live_before(px, true)) >= FRONT_SHARE ||
+           (islessequal(px, sst_live_before(live->cut.end_px, false)) && /* false where there is none */
+            share_nearer(live, px + BEFORE_PX) >= FRONT_SHARE + share_of_boxes(live, track, n, px));
 }
 
 /* Nearest cut in front of all tracks that move behind the foreground; NaN: there is none. */
@@ -179,7 +215,7 @@ static double before_tracks(const struct sst_live *live, const struct sst_live_t
         const struct sst_live_track *t = &track[i];
         const double px = before_track(&live->cut, t);
 
-        if (t->hidden || share_nearer(live, sst_live_before(t->disp_px, true)) >= FRONT_SHARE)
+        if (t->hidden || moves_behind(live, track, n, t))
             most = fmax(most, px);
     }
     return most;
