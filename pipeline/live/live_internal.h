@@ -15,7 +15,7 @@
 struct live_cut {
     double cut_px;    /* NaN: unknown */
     double gap_px;    /* by the gap alone */
-    double end_px;    /* near end of that gap: the farthest surfaces of the foreground */
+    double end_px;    /* farthest surfaces of the foreground */
     double front;     /* fraction of the rays in front of the gap, most ever */
     int64_t since_ns; /* another one has been found since then; 0: none */
     double guard_px;  /* before tracks that move behind the foreground; NaN: the gap is */
