@@ -31,7 +31,7 @@ export class Visits {
     this.loading = null;
     this.current = ""; // name, for keys
     this.chosen = new Set(); // names of the selection
-    this.reviewing = new Set(); // visits whose review is not sent yet
+    this.reviewing = new Set(); // visits with a review to be sent
     this.sending = false;
     this.anchor = ""; // where it began
     this.cards = new Cards($("visits"), { build: () => this.build(), show: (row, visit) => this.showCard(row, visit), drop: (row) => this.drop(row) },

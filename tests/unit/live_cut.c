@@ -477,7 +477,8 @@ static int move_people(struct random_scene *r, int set, struct sst_live_track *t
     return n;
 }
 
-/* Who is noticed stays, and who is not, too, but just behind the leaves, where maps place some of them. */
+/* Persons with a track stay in the picture; without one, too, except just behind the leaves: maps place leaves there.
+ */
 static void assert_none_is_removed(const struct shown *s, const struct random_scene *r, int number)
 {
     for (int i = 0; i < r->people; i++) {

@@ -172,7 +172,7 @@ static void wind_after_a_calm_is_nobody(void **state SST_UNUSED)
     }
 }
 
-/* Who walks by soon after the start is found, though the level of the leaves is not known; the leaves are not. */
+/* A walker soon after the start is reported, though the level of the leaves is not known; leaves are not. */
 static void who_walks_soon_after_the_start_is_found(void **state SST_UNUSED)
 {
     int found = 0;

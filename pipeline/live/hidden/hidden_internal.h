@@ -178,7 +178,7 @@ struct hidden_tracks {
 
 void hidden_tracks_init(struct hidden_tracks *t, double alarms_per_hour);
 
-/** The level of the leaves is not known any more: the evidence of what is not reported yet is none. */
+/** Drop tracks without a report: the level that their evidence was above is not known any more. */
 void hidden_tracks_doubt(struct hidden_tracks *t);
 
 /** Follow a set in which nothing changed: objects stay, for a while. */
