@@ -119,6 +119,7 @@ struct hidden_usual {
     uint8_t *best_box, *best_plane;
     double age_s;
     int64_t t_ns;
+    int sets; /* since the reset, counted up to a few */
 };
 
 SST_MUST_CHECK int hidden_usual_init(struct hidden_usual *u, int cols, int rows);

@@ -10,6 +10,7 @@
 #include "pipeline/live/hidden/hidden_internal.h"
 
 #define FOLLOW_S 60.0 /* the usual level follows within this time */
+#define FIRST    6    /* sets, of which the level is not known well enough for candidates */
 #define FARTHEST                                                                                                       \
     2 /* planes: the farthest surface, of which gaps show parts that were not seen before, and all beyond */
 #define WAIT_MOST_S 10.0 /* that one set stands for */
@@ -59,6 +60,7 @@ void hidden_usual_reset(struct hidden_usual *u)
 {
     u->age_s = 0;
     u->t_ns = 0;
+    u->sets = 0;
 }
 
 void hidden_usual_wait(struct hidden_usual *u, int64_t t_ns)
@@ -292,7 +294,8 @@ int hidden_usual_follow(struct hidden_usual *u, const struct hidden_planes *p, c
     }
     if (sst_parallel_for(p->count, threads, follow_plane, &j) || sst_parallel_for(u->rows, threads, judge_row, &j))
         return 0; /* neither fails */
-    while (n < SST_HIDDEN_THINGS && next_best(u, &out[n]))
+    u->sets = sst_min_int(u->sets + 1, FIRST + 1);
+    while (u->sets > FIRST && n < SST_HIDDEN_THINGS && next_best(u, &out[n]))
         n++;
     return n;
 }
