@@ -183,7 +183,7 @@ static void who_walks_soon_after_the_start_is_found(void **state SST_UNUSED)
         struct watch w;
 
         open_watch(&w, &c);
-        for (int n = 0; n < 6; n++) { /* sets of which the level is not known yet */
+        for (int n = 0; n < 4; n++) { /* sets of which the level is not known yet */
             step(&w, NULL);
             assert_int_equal(w.things, 0);
         }

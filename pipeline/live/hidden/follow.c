@@ -31,7 +31,7 @@
 #define SECONDS     1.0
 /* While the level of the leaves is not known: times the evidence, of a thing that has moved by this much of its size.
  */
-#define EARLY       2.0
+#define EARLY       1.5
 #define EARLY_MOVED 0.5
 #define LEFT_NS     INT64_C(12000000000) /* for this long it counts that a reported one has been at a place */
 #define AFTER_S     30.0                 /* until a track is reported that begins there, or has been beside one */

@@ -53,9 +53,9 @@ void sst_hidden_close(struct sst_hidden *h); /* NULL is fine */
 
 /**
  * Follow one set. In the first 30 s, and when wind begins after a calm, an object is reported if it has moved by
- * half of its size and has twice the evidence. Sets less than 0.15 s after the last searched one are not searched:
- * objects stay as they are, and changes are searched with a later set. The same sets give the same objects for any
- * number of threads.
+ * half of its size and has half as much evidence again. Sets less than 0.15 s after the last searched one are not
+ * searched: objects stay as they are, and changes are searched with a later set. The same sets give the same objects
+ * for any number of threads.
  *
  * @return 0, -ENOMEM
  */

@@ -10,7 +10,7 @@
 #include "pipeline/live/hidden/hidden_internal.h"
 
 #define FOLLOW_S 60.0 /* the usual level follows within this time */
-#define FIRST    6    /* sets, of which the level is not known well enough for candidates */
+#define FIRST    4    /* sets, of which the level is not known well enough for candidates */
 #define FARTHEST                                                                                                       \
     2 /* planes: the farthest surface, of which gaps show parts that were not seen before, and all beyond */
 #define WAIT_MOST_S 10.0 /* that one set stands for */
