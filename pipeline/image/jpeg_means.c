@@ -15,8 +15,11 @@
 #define PEEK_BITS 57
 #define LOOKS     4
 _Static_assert(LOOKS *LOOK_BITS <= PEEK_BITS && (LOOKS - 1) * LOOK_BITS + 16 <= PEEK_BITS, "bits suffice");
-#define MEAN_BITS 11 /* table lookup that covers most means */
-#define BROKEN    SIZE_MAX
+#define MEAN_BITS        11 /* table lookup that covers most means */
+#define LOOKS_AFTER_MEAN 3  /* with the bits that a mean of the table leaves */
+_Static_assert(MEAN_BITS + LOOKS_AFTER_MEAN * LOOK_BITS <= PEEK_BITS, "bits suffice");
+_Static_assert(MEAN_BITS + (LOOKS_AFTER_MEAN - 1) * LOOK_BITS + 16 <= PEEK_BITS, "bits suffice");
+#define BROKEN SIZE_MAX
 /* Zeros after the data: a block that runs past the end is noticed at its own end, 64 symbols later. */
 #define SPARE 512
 
@@ -207,17 +210,17 @@ static inline int symbol(uint64_t bits, const struct table *t, unsigned *length)
 
 /* --- blocks ------------------------------------------------------------------------------------------------------- */
 
-/* Skip the coefficients after the mean, from bit `at`. @return the bit after them, or BROKEN */
-static inline size_t step_over(const uint8_t *bytes, size_t at, const struct table *t)
+/* Skip the coefficients after the mean, from bit `at`. @param bits  the frame's bits from `at` on, for `looks` lookups
+ * @return the bit after them, or BROKEN */
+static inline size_t step_over(const uint8_t *bytes, size_t at, uint64_t bits, int looks, const struct table *t)
 {
     unsigned k = 1, length;
 
-    while (k < 64) {
-        uint64_t bits = peek(bytes, at);
+    for (; k < 64; bits = peek(bytes, at), looks = LOOKS) {
         int rs, i;
 
-        /* The peeked bits hold LOOKS times LOOK_BITS, and once less with the code of a symbol, of at most 16 bits. */
-        for (i = 0; i < LOOKS; i++) {
+        /* Bits hold `looks` times LOOK_BITS, and once less with the code of a symbol, of at most 16 bits. */
+        for (i = 0; i < looks; i++) {
             const unsigned step = t->step[bits >> (64 - LOOK_BITS)], used = STEP_BITS(step);
 
             if (!used || k + STEP_COEFS(step) >= 64 + !(step & STEP_END))
@@ -228,7 +231,7 @@ static inline size_t step_over(const uint8_t *bytes, size_t at, const struct tab
             if (step & STEP_END)
                 return at;
         }
-        if (i == LOOKS || k == 64)
+        if (i == looks || k == 64)
             continue;
         rs = symbol(bits, t, &length);
         if (rs < 0)
@@ -241,25 +244,6 @@ static inline size_t step_over(const uint8_t *bytes, size_t at, const struct tab
     return k == 64 ? at : BROKEN;
 }
 
-/* Difference of a block's mean to the previous one. @return the bit after it, or BROKEN */
-static inline size_t read_mean(const uint8_t *bytes, size_t at, const struct table *t, int *diff)
-{
-    const uint64_t bits = peek(bytes, at);
-    const uint32_t known = t->mean[bits >> (64 - MEAN_BITS)];
-    unsigned length;
-    int size;
-
-    if (known) {
-        *diff = (int16_t)(known >> 8);
-        return at + (known & 255);
-    }
-    size = symbol(bits, t, &length);
-    if (size < 0 || size > 15)
-        return BROKEN;
-    *diff = size ? extend((int)(bits << length >> (64 - size)), size) : 0;
-    return at + length + (unsigned)size;
-}
-
 struct component {
     const struct table *dc, *ac;
     int across, down;  /* blocks in an MCU */
@@ -268,15 +252,36 @@ struct component {
     int16_t *out;
 };
 
+/* Read the difference of a block's mean to the previous one, skip the coefficients.
+ * @param mean_end  out: the bit after the mean @return the bit after the block, or BROKEN */
+static inline size_t read_block(const uint8_t *bytes, size_t at, const struct component *c, int *diff, size_t *mean_end)
+{
+    const uint64_t bits = peek(bytes, at);
+    const uint32_t known = c->dc->mean[bits >> (64 - MEAN_BITS)];
+    unsigned length;
+    int size;
+
+    if (known) {
+        *diff = (int16_t)(known >> 8);
+        *mean_end = at + (known & 255);
+        return step_over(bytes, *mean_end, bits << (known & 255), LOOKS_AFTER_MEAN, c->ac);
+    }
+    size = symbol(bits, c->dc, &length);
+    if (size < 0 || size > 15)
+        return BROKEN;
+    *diff = size ? extend((int)(bits << length >> (64 - size)), size) : 0;
+    *mean_end = at + length + (unsigned)size;
+    return step_over(bytes, *mean_end, peek(bytes, *mean_end), LOOKS, c->ac);
+}
+
 static bool read_mcu(struct reader *r, struct component *c, int mcu_x, int mcu_y)
 {
     for (int y = mcu_y * c->down; y < (mcu_y + 1) * c->down; y++) {
         for (int x = mcu_x * c->across; x < (mcu_x + 1) * c->across; x++) {
             int diff = 0;
-            size_t at = read_mean(r->bytes, r->at, c->dc, &diff);
+            size_t mean_end;
+            const size_t at = read_block(r->bytes, r->at, c, &diff, &mean_end);
 
-            if (at != BROKEN)
-                at = step_over(r->bytes, at, c->ac);
             if (at > r->end)
                 return false;
             r->at = at;
@@ -488,8 +493,8 @@ static int put_first(struct writer *w, const struct reader *r, const struct scan
 
         for (int block = 0; block < c->across * c->down; block++) {
             int diff = 0;
-            const size_t rest = read_mean(r->bytes, at, c->dc, &diff);
-            const size_t end = rest == BROKEN ? BROKEN : step_over(r->bytes, rest, c->ac);
+            size_t rest;
+            const size_t end = read_block(r->bytes, at, c, &diff, &rest);
 
             if (end == BROKEN || end > r->end)
                 return -EBADMSG;
@@ -502,8 +507,8 @@ static int put_first(struct writer *w, const struct reader *r, const struct scan
     return 0;
 }
 
-/* Copy the frame's header up to its scan, without comments and application segments: small pictures in them, also JFIF's, show the
- * whole. Marks of colours stay. @return bytes; 0: it is damaged */
+/* Copy the frame's header up to its scan, without comments and application segments: small pictures in them, also
+ * JFIF's, show the whole. Marks of colours stay. @return bytes; 0: it is damaged */
 static size_t copy_header(uint8_t *to, const uint8_t *header, size_t bytes)
 {
     static const uint8_t plain[2] = { 0 };
