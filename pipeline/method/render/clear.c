@@ -439,10 +439,11 @@ int clear_colour(void *job, int item, int worker)
 int clear_fill_picture(void *job, int item, int worker SST_UNUSED)
 {
     struct clear *c = (struct clear *)job + item;
-    void *levels = sst_mem_alloc_raw(clear_fill_bytes(c->width, c->height), 1);
+    const size_t bytes = clear_fill_bytes(c->width, c->height);
+    void *own = c->landed ? NULL : sst_mem_alloc_raw(bytes, 1), *levels = c->landed ? landed_levels(c, bytes) : own;
     const int err = levels ? clear_fill(c->to.image, c->to.weight, levels, c->threads) : -ENOMEM;
 
-    sst_mem_free(levels);
+    sst_mem_free(own);
     return err;
 }
 

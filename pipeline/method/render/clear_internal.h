@@ -134,6 +134,9 @@ bool landed_colours(const struct clear *c, int x, int y);
 /** Is this picture continued by the next one? */
 bool landed_kept(const struct clear *c);
 
+/** Working memory of clear_fill(), kept from picture to picture. @param c  with rays that landed @return NULL: no memory */
+void *landed_levels(const struct clear *c, size_t bytes);
+
 /* --- pictures that a runner places -------------------------------------------------------------------------------- */
 
 /** Let the renderer's runner colour a picture: c->to and c->filled are set. @return false: it is left to the CPU, which

@@ -36,6 +36,7 @@ struct span {
 
 struct landed {
     struct sst_mem_kept maps, lists; /* landed rays of all views; what the pointers below show into */
+    struct sst_mem_kept levels;      /* landed_levels() */
     uint64_t id;                     /* of a series of pictures that continue each other; 0: not kept */
     uint64_t serial;                 /* of the light field */
     struct key key;
@@ -57,6 +58,7 @@ void landed_destroy(struct landed *l)
         return;
     sst_mem_kept_fini(&l->maps);
     sst_mem_kept_fini(&l->lists);
+    sst_mem_kept_fini(&l->levels);
     free(l);
 }
 
@@ -475,6 +477,11 @@ int landed_make(struct clear *c)
         c->change = l->change;
     kept->id = l->id;
     return 0;
+}
+
+void *landed_levels(const struct clear *c, size_t bytes)
+{
+    return sst_mem_keep(&c->landed->levels, bytes, 1);
 }
 
 bool landed_kept(const struct clear *c)
