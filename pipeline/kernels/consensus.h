@@ -83,6 +83,7 @@ struct sst_consensus_rows {
     uint8_t alike;                      /* pixels up to this step count, at most 254 */
     uint8_t flat;                       /* largest step to the pixels around in flat surfaces, at most `alike` ... */
     uint16_t dearer;                    /* ... where a plane costs 1/256 of this more than the one before it */
+    uint16_t farther;                   /* elsewhere 1/256 of what a plane costs more than the one after it */
     struct sst_consensus_listed listed;
     int planes;
     size_t stride;
@@ -91,8 +92,8 @@ struct sst_consensus_rows {
 /** Mean costs over the pixels of 3x3 that look like the middle. @param mean  out, packed */
 typedef void sst_consensus_mean_row_fn(uint8_t *mean, const struct sst_consensus_rows *rows, size_t n);
 
-/** The plane of the least of these means, in flat surfaces with what nearer planes cost more, the first of equal ones,
- * and that mean. @param out  plane, mean; [n] */
+/** The plane of the least of these means with what nearer planes cost more in flat surfaces, and farther ones elsewhere,
+ * the first of equal ones, and its mean alone. @param out  plane, mean; [n] */
 typedef void sst_consensus_least_row_fn(uint8_t *const out[2], const struct sst_consensus_rows *rows, size_t n);
 
 /** Two paths along the diagonals from the row before to this one: from the left, from the right. */
@@ -125,10 +126,10 @@ struct sst_consensus_choice {
 };
 typedef void sst_consensus_choose_row_fn(const struct sst_consensus_choice *choice, size_t n);
 
-/** What a plane costs more in flat surfaces. */
-static inline uint8_t sst_consensus_price(const struct sst_consensus_rows *rows, int plane)
+/** What a plane costs more, in flat surfaces or elsewhere. */
+static inline uint8_t sst_consensus_price(const struct sst_consensus_rows *rows, int plane, bool flat)
 {
-    const int price = plane * rows->dearer >> 8;
+    const int price = (flat ? plane * rows->dearer : (rows->planes - 1 - plane) * rows->farther) >> 8;
 
     return (uint8_t)(price < 255 ? price : 255);
 }

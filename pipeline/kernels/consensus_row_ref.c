@@ -48,7 +48,7 @@ static uint8_t priced_at(const struct sst_consensus_rows *r, size_t x, int plane
 
     for (int k = 0; k < 8; k++)
         flat = flat && r->step[k][x] <= r->flat;
-    return (uint8_t)sst_min_int(mean_at(r, x, plane) + (flat ? sst_consensus_price(r, plane) : 0), 255);
+    return (uint8_t)sst_min_int(mean_at(r, x, plane) + sst_consensus_price(r, plane, flat), 255);
 }
 
 void sst_consensus_mean_row_ref(uint8_t *mean, const struct sst_consensus_rows *r, size_t n)
@@ -66,20 +66,21 @@ void sst_consensus_mean_row_ref(uint8_t *mean, const struct sst_consensus_rows *
 void sst_consensus_least_row_ref(uint8_t *const out[2], const struct sst_consensus_rows *r, size_t n)
 {
     for (size_t x = 0; x < n; x++) {
-        int planes;
+        int planes, least;
         size_t packed;
         const uint8_t *plane = listed_at(&r->listed, r->planes, x, &planes, &packed);
 
         out[0][x] = plane[0];
-        out[1][x] = priced_at(r, x, plane[0]);
+        least = priced_at(r, x, plane[0]);
         for (int j = 1; j < planes; j++) {
-            const uint8_t mean = priced_at(r, x, plane[j]);
+            const int priced = priced_at(r, x, plane[j]);
 
-            if (mean < out[1][x]) {
+            if (priced < least) {
                 out[0][x] = plane[j];
-                out[1][x] = mean;
+                least = priced;
             }
         }
+        out[1][x] = (uint8_t)mean_at(r, x, out[0][x]);
     }
 }
 

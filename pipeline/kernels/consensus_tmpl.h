@@ -408,19 +408,22 @@ static void KERNEL(consensus_least_row)(uint8_t *const out[2], const struct sst_
         size_t packed;
         int planes;
         const uint8_t *plane = KERNEL(consensus_planes)(&r->listed, r->planes, x, &planes, &packed);
-        simd_u8 least = simd_set_u8(255), chosen = simd_set_u8(plane[0]);
+        simd_u8 least = simd_set_u8(255), chosen = simd_set_u8(plane[0]), cost = least;
 
         KERNEL(consensus_find_alike)(&alike, r, x, table);
         for (int p = 0; p < planes; p++) {
-            const simd_u8 price = alike.flat & sst_consensus_price(r, plane[p]);
-            const simd_u8 mean = simd_more_u8(KERNEL(consensus_mean)(&alike, (size_t)plane[p] * r->stride), price);
-            const simd_u8 less = (simd_u8)(mean < least);
+            const simd_u8 price = (alike.flat & sst_consensus_price(r, plane[p], true)) |
+                                  (~alike.flat & sst_consensus_price(r, plane[p], false));
+            const simd_u8 mean = KERNEL(consensus_mean)(&alike, (size_t)plane[p] * r->stride);
+            const simd_u8 priced = simd_more_u8(mean, price);
+            const simd_u8 less = (simd_u8)(priced < least) | simd_set_u8(p ? 0 : 255);
 
             chosen = (chosen & ~less) | (plane[p] & less);
-            least = simd_min_u8(mean, least);
+            cost = (cost & ~less) | (mean & less);
+            least = simd_min_u8(priced, least);
         }
         simd_store_u8(out[0] + x, chosen);
-        simd_store_u8(out[1] + x, least);
+        simd_store_u8(out[1] + x, cost);
     }
 }
 

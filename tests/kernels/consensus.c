@@ -165,6 +165,7 @@ static void check_rows(const struct sst_kernels *k, size_t n, int planes, const 
     rows.below = random_costs(bytes) + 1;
     rows.flat = (uint8_t)below(rows.alike + 1);
     rows.dearer = (uint16_t)below(below(2) ? 256 : 65536);
+    rows.farther = (uint16_t)below(below(2) ? 256 : 65536);
     for (int i = 0; i < 8; i++)
         rows.step[i] = step[i] = guard_random(n, &seed);
     for (size_t x = 0; x < n; x += 2) { /* flat but for one pixel in three */
@@ -314,11 +315,49 @@ static void most_views_decide(void **state SST_UNUSED)
                      2);
 }
 
+/* Of planes that cost alike, a flat surface takes the farthest and a textured one the nearest; their costs lack the
+ * price. What fits better by more than the price wins. */
+static void prices_decide_between_equal_planes(void **state SST_UNUSED)
+{
+    enum { PLANES = 5, STRIDE = BLOCK + 2 };
+    uint8_t cost[PLANES][STRIDE], step[BLOCK], plane[PLANES] = { 0, 1, 2, 3, 4 }, count[1] = { PLANES };
+    uint8_t out[2][BLOCK], *const to[2] = { out[0], out[1] };
+    struct sst_consensus_rows rows = { .above = cost[0] + 1,
+                                       .own = cost[0] + 1,
+                                       .below = cost[0] + 1,
+                                       .alike = 40,
+                                       .flat = 4,
+                                       .dearer = 2 * 256,
+                                       .farther = 256,
+                                       .listed = { plane, count },
+                                       .planes = PLANES,
+                                       .stride = STRIDE };
+
+    memset(cost, 20, sizeof(cost));
+    memset(step, 0, sizeof(step));
+    memset(step + 32, 10, 32); /* textured */
+    for (int i = 0; i < 8; i++)
+        rows.step[i] = step;
+    sst_kernels_get()->consensus_least_row(to, &rows, BLOCK);
+    assert_int_equal(out[0][0], 0);
+    assert_int_equal(out[0][32], PLANES - 1);
+    assert_int_equal(out[1][0], out[1][32]);
+    assert_in_range(out[1][32], 19, 20);
+    memset(cost[1], 20 - 2, STRIDE); /* three planes behind the nearest: 3 levels dearer */
+    sst_kernels_get()->consensus_least_row(to, &rows, BLOCK);
+    assert_int_equal(out[0][40], PLANES - 1);
+    memset(cost[1], 20 - 4, STRIDE);
+    sst_kernels_get()->consensus_least_row(to, &rows, BLOCK);
+    assert_int_equal(out[0][40], 1);
+    assert_in_range(out[1][40], 15, 16);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(all_levels_equal_the_reference),
         cmocka_unit_test(most_views_decide),
+        cmocka_unit_test(prices_decide_between_equal_planes),
     };
 
     return cmocka_run_group_tests_name("kernels/consensus", tests, NULL, NULL);

@@ -11,7 +11,8 @@
 
 #define ALIKE     40 /* levels: pixels around count up to this colour step */
 #define FLAT      4  /* levels: in flat surfaces none around has a larger step */
-#define DEARER    12 /* levels: the nearest plane costs more there, in the first round */
+#define DEARER    12 /* levels: the nearest plane costs more there, in the first round; ... */
+#define FARTHER   2  /* ... elsewhere the farthest one, by one more for each level of noise */
 #define P1        6  /* penalties of paths */
 #define EDGE_STEP 10 /* levels: beyond it P2 is a quarter */
 #define FIRST     51 /* largest cost of the first round */
@@ -106,6 +107,7 @@ static void mean_row(const struct mapped *m, int y)
                                              ALIKE,
                                              FLAT,
                                              (uint16_t)(256 * DEARER / s->planes),
+                                             (uint16_t)((256 * FARTHER + s->noise) / s->planes),
                                              sweep_lists_at(s, &m->costs->lists, y),
                                              s->planes,
                                              s->stride };

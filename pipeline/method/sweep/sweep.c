@@ -21,6 +21,7 @@
 #define CLAIMS    3                   /* views that must claim a plane at some pixel of a block, at most, ... */
 #define CLAIMED   9                   /* ... or one view in this many voters, if that is fewer */
 #define REPEATED  1                   /* times that the second round is repeated; in noise twice */
+#define NOISE     64                  /* levels of noise that count, at most */
 #define BAND      8                   /* rows of all planes that a thread computes: the views' rows stay in the cache */
 /* Thresholds of the second round: where views differ little from the consensus, and where they differ much, by noise or
  * by texture that whole pixels do not align. */
@@ -401,6 +402,12 @@ static void choose_groups(struct sweep *s)
     s->workers = sst_min_int(threads, s->groups);
 }
 
+/* Noise of a view, 1/256 level. */
+static uint16_t noise_of(const struct sst_image *image)
+{
+    return (uint16_t)lround(256 * fmin(sst_image_noise(image), NOISE));
+}
+
 static int sweep_init(struct sweep *s, const struct sst_planesweep *in, int step)
 {
     int err;
@@ -410,6 +417,7 @@ static int sweep_init(struct sweep *s, const struct sst_planesweep *in, int step
         if (in->view[k].image) {
             s->width = in->view[k].image->width;
             s->height = in->view[k].image->height;
+            s->noise = s->noise ? s->noise : noise_of(in->view[k].image);
         }
     }
     s->planes = (in->range * 64 + s->step - 1) / s->step + 1;

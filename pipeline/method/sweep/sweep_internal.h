@@ -72,6 +72,7 @@ struct sweep {
     uint8_t *all;                           /* a row of seen pixels */
     bool again;                             /* a round after the first one */
     bool own;                               /* of planes near the views' own maps */
+    uint16_t noise;                         /* of the views, 1/256 level */
     uint8_t near, most, p2, claims;         /* of rounds after the first one */
     int together, groups;                   /* views of a group; groups of all views */
     int workers;                            /* threads that maps take */
