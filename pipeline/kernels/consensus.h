@@ -6,6 +6,7 @@
 #ifndef SST_PIPELINE_KERNELS_CONSENSUS_H
 #define SST_PIPELINE_KERNELS_CONSENSUS_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
