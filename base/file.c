@@ -579,9 +579,12 @@ static int sync_folder(const char *path, const struct stat *st, int type, struct
 
 int sst_outdir_sync(const struct sst_outdir *out)
 {
-    const int err = nftw(out->temporary, out->synced ? sync_folder : sync_entry, 16, FTW_DEPTH | FTW_PHYS);
+    const int failed = nftw(out->temporary, out->synced ? sync_folder : sync_entry, 16, FTW_DEPTH | FTW_PHYS);
+    const int err = failed < 0 ? -errno : -failed;
 
-    return err < 0 ? -errno : -err;
+    if (err)
+        wait_if_interrupted();
+    return err;
 }
 
 int sst_path_swap(const char *fresh, const char *path)

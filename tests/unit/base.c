@@ -3,6 +3,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <dirent.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <math.h>
 #include <signal.h>
 #include <stdio.h>
@@ -265,6 +266,39 @@ static void interrupt_leaves_whole_folders(void **state SST_UNUSED)
     sst_path_remove_tree(dir);
 }
 
+/* Output that an interrupt removes while it is synced is no error of its own: the process ends as interrupted. */
+static void interrupt_during_a_sync_is_no_error(void **state SST_UNUSED)
+{
+    char dir[] = "/tmp/sst-test-XXXXXX", path[SST_PATH_MAX];
+    int status = 0;
+    pid_t child;
+
+    assert_non_null(mkdtemp(dir));
+    assert_int_equal(sst_path_join(path, dir, "out"), 0);
+    child = fork();
+    assert_true(child >= 0);
+    if (!child) {
+        struct sst_outdir out;
+        char file[SST_PATH_MAX + 16];
+
+        if (sst_file_clean_on_interrupt() || sst_outdir_open(&out, path, false))
+            _exit(1);
+        for (int i = 0; i < 400; i++) { /* removing takes a while */
+            snprintf(file, sizeof(file), "%s/%d", out.temporary, i);
+            if (close(open(file, O_WRONLY | O_CREAT, 0666)))
+                _exit(2);
+        }
+        raise(SIGINT);
+        while (!sst_outdir_sync(&out))
+            ;
+        _exit(3);
+    }
+    assert_int_equal(waitpid(child, &status, 0), child);
+    assert_true(WIFEXITED(status));
+    assert_int_equal(WEXITSTATUS(status), 128 + SIGINT);
+    assert_int_equal(rmdir(dir), 0); /* nothing is left */
+}
+
 /* Only outside sanitized builds, which end there. */
 static void values_that_cross_a_border_are_counted(void **state SST_UNUSED)
 {
@@ -389,6 +423,7 @@ int main(void)
         cmocka_unit_test(outfile_appears_whole_or_not),
         cmocka_unit_test(swap_exchanges_or_moves),
         cmocka_unit_test(interrupt_leaves_whole_folders),
+        cmocka_unit_test(interrupt_during_a_sync_is_no_error),
         cmocka_unit_test(attempts_of_a_blocked_client_come_in_turn),
         cmocka_unit_test(values_that_cross_a_border_are_counted),
         cmocka_unit_test_setup_teardown(copies_follow_no_links, test_folder_create, test_folder_remove),
