@@ -93,8 +93,8 @@ struct sst_consensus_rows {
 /** Mean costs over the pixels of 3x3 that look like the middle. @param mean  out, packed */
 typedef void sst_consensus_mean_row_fn(uint8_t *mean, const struct sst_consensus_rows *rows, size_t n);
 
-/** The plane of the least of these means with what nearer planes cost more in flat surfaces, and farther ones elsewhere,
- * the first of equal ones, and its mean alone. @param out  plane, mean; [n] */
+/** Plane of the least mean plus price, the first of equal ones, and its mean without it. Nearer planes have a price in
+ * flat surfaces, farther ones elsewhere. @param out  plane, mean; [n] */
 typedef void sst_consensus_least_row_fn(uint8_t *const out[2], const struct sst_consensus_rows *rows, size_t n);
 
 /** Two paths along the diagonals from the row before to this one: from the left, from the right. */
@@ -127,7 +127,7 @@ struct sst_consensus_choice {
 };
 typedef void sst_consensus_choose_row_fn(const struct sst_consensus_choice *choice, size_t n);
 
-/** What a plane costs more, in flat surfaces or elsewhere. */
+/** Price of a plane, in flat surfaces or elsewhere. */
 static inline uint8_t sst_consensus_price(const struct sst_consensus_rows *rows, int plane, bool flat)
 {
     const int price = (flat ? plane * rows->dearer : (rows->planes - 1 - plane) * rows->farther) >> 8;

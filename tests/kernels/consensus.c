@@ -316,7 +316,7 @@ static void most_views_decide(void **state SST_UNUSED)
 }
 
 /* Of planes that cost alike, a flat surface takes the farthest and a textured one the nearest; their costs lack the
- * price. What fits better by more than the price wins. */
+ * price. A fit that is better by more than the price wins. */
 static void prices_decide_between_equal_planes(void **state SST_UNUSED)
 {
     enum { PLANES = 5, STRIDE = BLOCK + 2 };
