@@ -94,7 +94,8 @@ for video in "$taken.mkv" "$taken.r0c5.mkv"; do
 done
 # Work that takes the disk long is answered before it is done.
 "$sst" record delete "$taken" >/dev/null && awaits "[ ! -e 'store/recordings/$taken' ]" || fail "delete $taken"
-awaits "! '$sst' record list | grep -q '$taken'" || fail "$taken is still listed"
+# Alone in its line's first column: a snapshot of the same second has the same time in its name.
+awaits "! '$sst' record list | grep -q '^$taken '" || fail "$taken is still listed: $("$sst" record list)"
 
 kill -TERM "$daemon"
 gone "$daemon" 2000
