@@ -182,6 +182,15 @@ class Start:
         left = int(np.clip(middle - half, 0, picture.shape[1] - 2 * half))
         return picture[picture.shape[0] // 3:, left:left + 2 * half].astype(np.uint8)
 
+    def keep(self, to):
+        """All pictures, named by milliseconds, and their boxes."""
+        os.makedirs(to, exist_ok=True)
+        first = self.pictures[0][0]
+        for t, jpeg in self.pictures:
+            with open(f"{to}/{(t - first) * 1000:06.0f}.jpg", "wb") as f:
+                f.write(jpeg)
+        write(f"{to}/boxes.json", json.dumps([[round(t - first, 3), found] for t, found in self.tracks]))
+
     def close(self):
         self.going = False
         os.killpg(self.process.pid, signal.SIGTERM)
@@ -200,7 +209,7 @@ def main():
     args.add_argument("--port", type=int, default=8471)
     args.add_argument("--model", help="folder of networks")
     args.add_argument("--sstd", metavar="PROGRAM", help="this service instead of the demo")
-    args.add_argument("--pictures", help="folder for pictures of each pass")
+    args.add_argument("--pictures", help="folder for pictures of each pass, and all pictures and boxes of a start that misses its aim")
     args = args.parse_args()
     good = 0
     for i in range(args.starts):
@@ -213,6 +222,8 @@ def main():
         if args.pictures and shown:
             os.makedirs(args.pictures, exist_ok=True)
             Image.fromarray(np.hstack(shown)).save(f"{args.pictures}/{i:02}.png")
+        if args.pictures and not r["good"] and start.pictures:
+            start.keep(f"{args.pictures}/{i:02}")
         good += r["good"]
         print(f"start {i}: " + ", ".join(f"{k} {v:.2f}" if isinstance(v, float) else f"{k} {v}" for k, v in r.items()), flush=True)
     print(f"{good} of {args.starts} starts show the passer-by whole, and boxed within {SOON_S} s")

@@ -106,6 +106,7 @@ export class LargeVisit {
     try {
       const next = await this.visits.next(gone, 1) ?? await this.visits.next(gone, -1);
       await this.visits.change([gone], { delete: true });
+      if (this.open?.visit !== gone.visit || this.visits.find(gone.visit)) return; // closed meanwhile, or it could not be deleted
       if (next) this.show(next);
       else $("visit").close();
     } catch (error) {
@@ -117,15 +118,15 @@ export class LargeVisit {
     const visit = this.open;
     try {
       const { name } = await exportOne(visit);
-      setText($("visit-facts"), `${facts(visit)} · its light field is kept as ${name}, below Recordings`);
+      if (this.open?.visit === visit.visit) setText($("visit-facts"), `${facts(visit)} · its light field is kept as ${name}, below Recordings`);
     } catch (error) {
       this.failed(error, visit);
     }
   }
 
   failed(error, visit) {
-    if (error.status === 404) setText($("visit-facts"), `${facts(visit)} · no recording has this moment`);
-    else complain(error);
+    if (error.status !== 404) complain(error);
+    else if (this.open?.visit === visit.visit) setText($("visit-facts"), `${facts(visit)} · no recording has this moment`);
   }
 
   async play() {
@@ -133,7 +134,7 @@ export class LargeVisit {
     $("visit-play").setAttribute("aria-busy", "true");
     try {
       await this.visits.onPlay(visit);
-      $("visit").close();
+      if (this.open?.visit === visit.visit) $("visit").close();
     } catch (error) {
       this.failed(error, visit);
     } finally {

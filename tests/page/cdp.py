@@ -192,11 +192,28 @@ class Browser:
         """A selector, whose middle is clicked, or (x, y)."""
         if isinstance(where, str):
             self.js(f"document.querySelector({json.dumps(where)}).scrollIntoView({{block: 'nearest'}})")
-            where = self.at_rest(where)
+            where = self.uncovered(where)
         x, y = where[:2]
         at = time.time()  # told to the page: between two calls the machine may stand still, and a press that lasts is no tap
         self.mouse("mousePressed", x, y, button="left", clickCount=1, timestamp=at)
         self.mouse("mouseReleased", x, y, button="left", clickCount=1, timestamp=at + TAP_S)
+
+    def uncovered(self, where):
+        """The box of an element at rest, once nothing lies over its middle: messages of earlier actions leave by themselves."""
+        end = time.time() + 60
+        while time.time() < end:
+            box = self.at_rest(where)
+            over = self.js(f"""(() => {{ const n = document.querySelector({json.dumps(where)}), top = document.elementFromPoint({box[0]}, {box[1]});
+                return !top || n.contains(top) || top.contains(n) || n.closest("label")?.contains(top) || [...n.labels ?? []].some((l) => l.contains(top)) ? "" : top.outerHTML.slice(0, 200); }})()""")
+            if not over:
+                return box
+            self.js(f"document.querySelector({json.dumps(where)}).scrollIntoView({{block: 'center'}})")  # a bar that stays lies over the edge
+        raise Failed(f"{where} lies under {over}")
+
+    def state(self):
+        """What lies over the page, in words."""
+        return self.js("""JSON.stringify({dialogs: [...document.querySelectorAll("dialog[open]")].map((d) => `${d.id} ${d.querySelector("h1, h2, h3")?.textContent}`),
+            toasts: document.getElementById("toasts")?.textContent, focus: document.activeElement?.outerHTML.slice(0, 200), tab: location.hash})""")
 
     def drag(self, start, end, steps=6):
         self.mouse("mousePressed", *start, button="left", clickCount=1)

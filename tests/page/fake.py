@@ -130,7 +130,7 @@ class Service:
         self.start = time.time() - age_s
         self.role, self.views_max, self.refuse, self.hold, self.old = "control", 8, {}, False, False
         self.computing = self.stall = self.preview = self.hold_videos = self.pause = False
-        self.late_s = 0  # delay of visits' pictures
+        self.late_s = 0  # delay of visits' pictures and counts
         self.patch, self.camera_patch = {}, {}
         self.tracks = []  # as of /api/v1/tracks, of a set as long ago as:
         self.unconfirmed = []  # of the same answer
@@ -446,6 +446,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
             self.answer(200, {"visits": found[:limit] if newest else found[-limit:], "more": len(found) > limit})
         elif path == "/api/v1/visits/days":
             days = {}
+            time.sleep(s.late_s)
             for v in [v for v in s.visits() if self.wanted(v, {key: query[key] for key in ("label", "zone") if key in query})]:
                 day = v["from"][:10]
                 if query.get("from", "") <= day <= query.get("to", "9"):

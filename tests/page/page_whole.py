@@ -277,7 +277,9 @@ def hide(b, on):
 def test_hidden(b, fake):
     """In the background nothing is fetched, whatever is open."""
     b.js("document.querySelector('input[name=overlay][value=labels]').click()")
+    b.click("#tab-overview")
     b.click("[data-name=r0c0]")
+    b.wait("!document.getElementById('camera').hidden")
     b.click("#sweep")
     hide(b, True)
     check(rest(lambda: len(fake.log()), 1.5) is not None, f"fetched: {[r['path'] for r in fake.log()[-5:]]}")

@@ -34,7 +34,7 @@ def main():
                 print(f"ok {time.time() - begin:4.1f} s {test.__name__}", flush=True)
             except cdp.Failed as e:
                 failed += 1
-                print(f"FAIL: {test.__name__}: {e}", flush=True)
+                print(f"FAIL: {test.__name__}: {e}\n  {browser.state()}", flush=True)
                 if os.environ.get("PAGE_SHOTS"):
                     browser.picture(f"{os.environ['PAGE_SHOTS']}/{test.__name__}.png")
         for _, source, text in browser.problems:
