@@ -40,6 +40,7 @@ SOON_S = 2       # from a passer-by in the picture to a box
 APART_S = 4      # between two passes
 PASS = 5         # pictures of a pass, ...
 WALKED = 0.2     # of the width, from the first to the last
+HALF = 0.5       # of the rows, in a picture of each pass: bricks that become sharp after the start are nobody
 ASK_S = 0.1      # between requests for tracks
 PASS_S = 150     # until somebody has passed
 
@@ -161,7 +162,7 @@ class Start:
             if not passes or t > passes[-1][-1][0] + APART_S:
                 passes.append([])
             passes[-1].append((t, n / (HEIGHT * picture.shape[1]), self.boxes(t, middle, picture.shape[1]), middle / picture.shape[1]))
-        passes = [p for p in passes if len(p) >= PASS and abs(p[-1][3] - p[0][3]) >= WALKED]
+        passes = [p for p in passes if len(p) >= PASS and abs(p[-1][3] - p[0][3]) >= WALKED and max(at[1] for at in p) >= HALF]
         of = [at for p in passes for at in p]
         heights = [at[1] for at in of] or [0]
         removed = sum(any(b.get("removed") for b in found) for _, found in self.tracks)

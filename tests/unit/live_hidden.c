@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "pipeline/live/hidden/hidden.h"
+#include "pipeline/live/hidden/hidden_internal.h"
 #include "simulators/scene/hedge.h"
 #include "tests/small.h"
 #include "tests/test.h"
@@ -337,6 +337,55 @@ static void threads_do_not_matter(void **state)
     close_watch(&w);
 }
 
+/* A candidate around a place, in blocks; planes are 1 px apart. */
+static struct hidden_candidate candidate_at(double x, int plane, double z)
+{
+    const int at = (int)lround(x);
+
+    return (struct hidden_candidate){ .at = { at - 2, 10, at + 2, 22 }, .plane = plane, .z = z };
+}
+
+/* Depth at which a walker at plane 3 is reported after leaves at plane 10 have moved more, which begin this long after
+ * the report; NAN: not at all. @param lost  the walker is not seen any more from then on */
+static double reported_depth(double after_s, bool lost)
+{
+    struct hidden_planes planes = { .count = 12, .step_px = 1 };
+    double disp_px = NAN, x = 8, reported_s = INFINITY;
+    struct hidden_tracks t;
+
+    for (int k = 0; k < planes.count; k++)
+        planes.disp_px[k] = 1 + k;
+    hidden_tracks_init(&t, 1);
+    for (double s = 0.2; s < reported_s + after_s + 4; s += 0.2, x += 0.3) {
+        const bool moved = s >= reported_s + after_s;
+        struct hidden_candidate c[2];
+        int n = 0;
+
+        if (!moved || !lost)
+            c[n++] = candidate_at(x, 3, 4);
+        if (moved)
+            c[n++] = candidate_at(8 + 1.5 * (reported_s + after_s) + 2, 10, 9);
+        hidden_tracks_follow(&t, c, n, &planes, (int64_t)(s * 1e9));
+        disp_px = NAN;
+        for (int i = 0; i < t.count; i++) {
+            if (t.track[i].thing.reported)
+                disp_px = t.track[i].thing.disp_px;
+        }
+        if (!isnan(disp_px) && isinf(reported_s))
+            reported_s = s;
+    }
+    return disp_px;
+}
+
+/* Which image of a person on several planes is reported first is chance; leaves that move later, where the person has
+ * just been, are nobody. */
+static void who_is_known_does_not_become_leaves(void **state SST_UNUSED)
+{
+    assert_true(fabs(reported_depth(0.2, false) - 11) < 0.1);
+    assert_true(fabs(reported_depth(4, false) - 4) < 0.1);
+    assert_true(isnan(reported_depth(4, true)));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -346,6 +395,7 @@ int main(void)
         serial_test(noise_and_dark_are_no_matter),
         serial_test(wind_after_a_calm_is_nobody),
         plain_test(who_walks_soon_after_the_start_is_found),
+        cmocka_unit_test(who_is_known_does_not_become_leaves),
         cmocka_unit_test(sizes_are_checked),
         thread_test(threads_do_not_matter),
     };

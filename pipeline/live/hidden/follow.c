@@ -22,6 +22,7 @@
 #define IMAGE       0.6 /* one that differs much shows images of itself on other planes, weaker than this ... */
 #define IMAGE_SIDES 2.0 /* ... within this many times the sizes of both together */
 #define IMAGE_SETS  2   /* of a better one */
+#define KNOWN_S     2.0 /* after the report, its depth is known: one at another depth is no image of it */
 #define GAIN        0.7
 #define GAIN_Z      0.3
 #define GAIN_SPEED  0.25
@@ -265,7 +266,7 @@ static void add(struct hidden_tracks *t, const struct group *g, int64_t t_ns)
         (struct sst_hidden_thing){ .key = t->next_key++, .disp_px = g->disp_px, .first_ns = t_ns, .seen_ns = t_ns };
 }
 
-static void assign(struct hidden_tracks *t, struct group *g, int groups, double depth_px, double dt_s)
+static void assign(struct hidden_tracks *t, struct group *g, int groups, double dt_s)
 {
     const int64_t t_ns = t->t_ns;
 
@@ -275,7 +276,7 @@ static void assign(struct hidden_tracks *t, struct group *g, int groups, double 
 
         for (int i = 0; i < t->count; i++) {
             for (int k = 0; k < groups && !t->track[i].seen; k++) {
-                const double m = g[k].z > 0 ? misfit(&t->track[i], &g[k], depth_px, t_ns) : INFINITY;
+                const double m = g[k].z > 0 ? misfit(&t->track[i], &g[k], t->depth_px, t_ns) : INFINITY;
 
                 if (m < best) {
                     best = m;
@@ -313,6 +314,7 @@ static void go_on_as(struct hidden_track *a, struct hidden_track *b)
 
     b->thing.key = a->thing.key;
     b->thing.reported = true;
+    b->reported_ns = a->reported_ns;
     b->thing.first_ns = a->thing.first_ns < b->thing.first_ns ? a->thing.first_ns : b->thing.first_ns;
     b->from_x = a->from_x;
     b->from_y = a->from_y;
@@ -322,11 +324,13 @@ static void go_on_as(struct hidden_track *a, struct hidden_track *b)
 }
 
 /* A person of high contrast has images on many planes, the best one on the right plane; which image has enough evidence
- * first is chance. @return the best track that stays and is not reported, near a track and with no less evidence, begun
- * until then; NULL: none */
+ * first is chance. Later the depth is known, and leaves that the person has disturbed are no image.
+ * @return the best track that stays and is not reported, near a track and with no less evidence, begun until then;
+ * NULL: none */
 static struct hidden_track *best_near(struct hidden_tracks *t, const struct hidden_track *a, double evidence,
                                       int64_t until_ns)
 {
+    const bool known = a->thing.reported && (double)(t->t_ns - a->reported_ns) * 1e-9 >= KNOWN_S;
     struct hidden_track *best = NULL;
 
     for (int i = 0; i < t->count; i++) {
@@ -334,7 +338,7 @@ static struct hidden_track *best_near(struct hidden_tracks *t, const struct hidd
 
         if (b != a && !b->thing.reported && b->seen && !b->gone && b->sets >= IMAGE_SETS &&
             b->thing.evidence >= evidence && b->thing.first_ns <= until_ns && is_near(a, b) &&
-            (!best || b->z > best->z))
+            (!known || fabs(b->thing.disp_px - a->thing.disp_px) <= t->depth_px) && (!best || b->z > best->z))
             best = b;
     }
     return best;
@@ -364,6 +368,7 @@ static void report(struct hidden_tracks *t, struct hidden_track *a)
     struct hidden_track *b = best_near(t, a, 0, t->t_ns);
 
     a->thing.reported = true;
+    a->reported_ns = t->t_ns;
     if (b && b->z > a->z)
         go_on_as(a, b);
     note_way(t, b && b->thing.reported ? b : a);
@@ -409,6 +414,7 @@ void hidden_tracks_follow(struct hidden_tracks *t, const struct hidden_candidate
     int kept = 0;
 
     t->t_ns = t_ns;
+    t->depth_px = DEPTH_STEPS * p->step_px;
     for (int i = 0; i < t->count; i++) {
         struct hidden_track *a = &t->track[i];
 
@@ -416,7 +422,7 @@ void hidden_tracks_follow(struct hidden_tracks *t, const struct hidden_candidate
         a->y += a->vy * fmin(dt_s, SET_MOST_S);
         a->seen = false;
     }
-    assign(t, g, groups, DEPTH_STEPS * p->step_px, dt_s);
+    assign(t, g, groups, dt_s);
     for (int i = 0; i < t->count; i++) {
         struct hidden_track *a = &t->track[i];
 

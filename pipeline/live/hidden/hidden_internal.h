@@ -152,6 +152,7 @@ struct hidden_track {
     bool beside;                   /* it was near a reported one: no chance */
     double peak;                   /* largest evidence */
     double z;                      /* of its candidates lately */
+    int64_t reported_ns;           /* where it is reported */
     int sets;
     bool seen; /* in this set */
     bool gone; /* it ends with this set */
@@ -169,6 +170,7 @@ struct hidden_tracks {
     int lefts; /* ever; the newest HIDDEN_LEFT are remembered */
     int count;
     uint32_t next_key;
+    double depth_px; /* by which two of one thing differ at most */
     int64_t t_ns;
     bool early; /* the level of the leaves is not known yet */
     double alarms_per_hour;
