@@ -22,7 +22,8 @@
 #define IMAGE       0.6 /* one that differs much shows images of itself on other planes, weaker than this ... */
 #define IMAGE_SIDES 2.0 /* ... within this many times the sizes of both together */
 #define IMAGE_SETS  2   /* of a better one */
-#define KNOWN_S     2.0 /* after the report, its depth is known: one at another depth is no image of it */
+#define KNOWN_S     2.0 /* after the report, its depth is known: one farther from it than ... */
+#define KNOWN_STEPS 2.0 /* ... this many planes is no image of it */
 #define GAIN        0.7
 #define GAIN_Z      0.3
 #define GAIN_SPEED  0.25
@@ -276,7 +277,7 @@ static void assign(struct hidden_tracks *t, struct group *g, int groups, double 
 
         for (int i = 0; i < t->count; i++) {
             for (int k = 0; k < groups && !t->track[i].seen; k++) {
-                const double m = g[k].z > 0 ? misfit(&t->track[i], &g[k], t->depth_px, t_ns) : INFINITY;
+                const double m = g[k].z > 0 ? misfit(&t->track[i], &g[k], DEPTH_STEPS * t->step_px, t_ns) : INFINITY;
 
                 if (m < best) {
                     best = m;
@@ -338,7 +339,8 @@ static struct hidden_track *best_near(struct hidden_tracks *t, const struct hidd
 
         if (b != a && !b->thing.reported && b->seen && !b->gone && b->sets >= IMAGE_SETS &&
             b->thing.evidence >= evidence && b->thing.first_ns <= until_ns && is_near(a, b) &&
-            (!known || fabs(b->thing.disp_px - a->thing.disp_px) <= t->depth_px) && (!best || b->z > best->z))
+            (!known || fabs(b->thing.disp_px - a->thing.disp_px) <= KNOWN_STEPS * t->step_px) &&
+            (!best || b->z > best->z))
             best = b;
     }
     return best;
@@ -414,7 +416,7 @@ void hidden_tracks_follow(struct hidden_tracks *t, const struct hidden_candidate
     int kept = 0;
 
     t->t_ns = t_ns;
-    t->depth_px = DEPTH_STEPS * p->step_px;
+    t->step_px = p->step_px;
     for (int i = 0; i < t->count; i++) {
         struct hidden_track *a = &t->track[i];
 

@@ -170,7 +170,7 @@ struct hidden_tracks {
     int lefts; /* ever; the newest HIDDEN_LEFT are remembered */
     int count;
     uint32_t next_key;
-    double depth_px; /* by which two of one thing differ at most */
+    double step_px; /* between planes */
     int64_t t_ns;
     bool early; /* the level of the leaves is not known yet */
     double alarms_per_hour;
