@@ -22,8 +22,9 @@ struct watch {
     struct sst_image image[VIEWS];
     struct sst_hidden_input in;
     struct sst_hidden_thing thing[SST_HIDDEN_THINGS];
-    int things, t_s;
-    bool still; /* no leaf moves */
+    int things, t_s; /* t_s: sets, for most one a second */
+    double rate;     /* sets a second; 0: one */
+    bool still;      /* no leaf moves */
 };
 
 static void open_watch(struct watch *w, const struct sst_hedge_config *hedge)
@@ -56,10 +57,11 @@ static void close_watch(struct watch *w)
 
 static double step(struct watch *w, const struct sst_hedge_person *person)
 {
+    const double t_s = w->t_s++ / (w->rate > 0 ? w->rate : 1);
     double visible = 0;
 
-    sst_hedge_draw(w->hedge, w->still ? 0 : w->t_s, person, w->image, &visible);
-    w->in.t_ns = (INT64_C(1) + w->t_s++) * 1000000000;
+    sst_hedge_draw(w->hedge, w->still ? 0 : t_s, person, w->image, &visible);
+    w->in.t_ns = (int64_t)((1 + t_s) * 1e9);
     assert_int_equal(sst_hidden_update(w->hidden, &w->in), 0);
     w->things = sst_hidden_things(w->hidden, w->thing);
     return visible;
@@ -277,6 +279,29 @@ static void who_stands_behind_dense_leaves_is_found(void **state)
     assert_int_equal(found, 4);
 }
 
+/* One who comes, stands for a minute and a half and leaves is not reported for long after that. */
+static void who_has_left_is_not_reported(void **state SST_UNUSED)
+{
+    const struct sst_hedge_config c = make_hedge(0.65, 0.5, 3);
+    int there = 0, after = 0;
+    struct watch w;
+
+    open_watch(&w, &c);
+    w.rate = 2;
+    wait_sets(&w, 160);
+    for (int n = 0; n < 240; n++) {
+        struct sst_hedge_person p = person_at(fmin(20 + 11 * n, 90), n < 7 ? 240 + 1.5 * n : 0.4);
+
+        p.clothes = 23757;
+        step(&w, n < 180 ? &p : NULL);
+        there += n < 180 && reported(&w) != NULL;
+        after += n >= 180 && reported(&w) != NULL;
+    }
+    assert_in_range(there, 40, 180);
+    assert_in_range(after, 0, 8);
+    close_watch(&w);
+}
+
 static void noise_and_dark_are_no_matter(void **state)
 {
     struct sst_hedge_config c = make_hedge(0.65, 0.5, 4);
@@ -392,6 +417,7 @@ int main(void)
         serial_test(who_walks_and_stands_is_found_and_leaves_are_not),
         plain_test(who_passes_is_one_thing),
         plain_test(who_stands_behind_dense_leaves_is_found),
+        plain_test(who_has_left_is_not_reported),
         serial_test(noise_and_dark_are_no_matter),
         serial_test(wind_after_a_calm_is_nobody),
         plain_test(who_walks_soon_after_the_start_is_found),

@@ -37,6 +37,7 @@
 #define EARLY_MOVED 0.5
 #define LEFT_NS     INT64_C(12000000000) /* for this long it counts that a reported one has been at a place */
 #define AFTER_S     30.0                 /* until a track is reported that begins there, or has been beside one */
+#define RESTS_NS    INT64_C(8000000000)  /* at a place: it stands there, or is what it has left behind */
 #define STAYS_S     600.0                /* an object that has not moved for this long is part of the scene */
 #define PEAK_MIN    1.0
 /* At the start: as if chance had made tracks for these hours, at this rate an hour and with this mean evidence. */
@@ -158,10 +159,21 @@ static void see(struct hidden_track *a, const struct group *g, double dt_s, int6
     a->seen = true;
 }
 
+/* Sizes by which it has gone away from a place. */
+static double moved_from(const struct hidden_track *a, double x, double y)
+{
+    return hypot(a->x - x, a->y - y) / fmax(fmax(a->w, a->h), 1);
+}
+
 /* Sizes by which it has gone away from where it began. */
 static double moved(const struct hidden_track *a)
 {
-    return hypot(a->x - a->from_x, a->y - a->from_y) / fmax(fmax(a->w, a->h), 1);
+    return moved_from(a, a->from_x, a->from_y);
+}
+
+bool hidden_track_rests(const struct hidden_track *a, int64_t t_ns)
+{
+    return hidden_track_moved(a) && t_ns - a->rest_ns > RESTS_NS;
 }
 
 bool hidden_track_moved(const struct hidden_track *a)
@@ -260,8 +272,9 @@ static void add(struct hidden_tracks *t, const struct group *g, int64_t t_ns)
                                 .z = g->z,
                                 .sets = 1,
                                 .seen = true };
-    a->from_x = a->x;
-    a->from_y = a->y;
+    a->from_x = a->rest_x = a->x;
+    a->from_y = a->rest_y = a->y;
+    a->rest_ns = t_ns;
     a->behind_one = was_left(t, a);
     a->thing =
         (struct sst_hidden_thing){ .key = t->next_key++, .disp_px = g->disp_px, .first_ns = t_ns, .seen_ns = t_ns };
@@ -319,6 +332,9 @@ static void go_on_as(struct hidden_track *a, struct hidden_track *b)
     b->thing.first_ns = a->thing.first_ns < b->thing.first_ns ? a->thing.first_ns : b->thing.first_ns;
     b->from_x = a->from_x;
     b->from_y = a->from_y;
+    b->rest_x = a->rest_x;
+    b->rest_y = a->rest_y;
+    b->rest_ns = a->rest_ns;
     a->thing.key = key;
     a->thing.reported = false;
     a->beside = true;
@@ -450,6 +466,11 @@ void hidden_tracks_follow(struct hidden_tracks *t, const struct hidden_candidate
         }
         if (a->thing.reported && a->seen)
             note_left(t, a, a->x, a->y);
+        if (moved_from(a, a->rest_x, a->rest_y) > 1) {
+            a->rest_x = a->x;
+            a->rest_y = a->y;
+            a->rest_ns = t_ns;
+        }
         t->track[kept++] = *a;
     }
     t->count = kept;

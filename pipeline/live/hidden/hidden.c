@@ -110,7 +110,8 @@ void sst_hidden_close(struct sst_hidden *h)
  */
 
 /* Boxes of reported tracks, excluded from background learning. Standing ones come first: colours of passing persons may
- * be learnt. */
+ * be learnt. Where one that came rests, the level follows: a person stays above it for most of a minute, leaves that
+ * the person has disturbed do not. */
 static void find_kept(struct sst_hidden *h)
 {
     h->keeps = h->stands = 0;
@@ -118,7 +119,8 @@ static void find_kept(struct sst_hidden *h)
         const struct hidden_track *a = &h->tracks.track[n % h->tracks.count];
         const bool stands = !hidden_track_moved(a);
 
-        if (!a->thing.reported || stands != (n < h->tracks.count) || h->in->t_ns - a->thing.first_ns > KEEP_NS)
+        if (!a->thing.reported || stands != (n < h->tracks.count) || h->in->t_ns - a->thing.first_ns > KEEP_NS ||
+            hidden_track_rests(a, h->in->t_ns))
             continue;
         h->stands += stands;
         h->keep_px[h->keeps] = a->thing.disp_px;
