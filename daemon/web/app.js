@@ -133,7 +133,7 @@ const visits = new Visits(async (visit) => {
   played = visit;
   const at = recordedMoment(momentOf(visit), Date.parse(visit.from), Date.parse(visit.to));
   await app.replay.start({ time: new Date(finite(at) ? at : momentOf(visit)).toISOString() });
-  keepVisitor(visit);
+  if (app.replay.open && played === visit) keepVisitor(visit); // else closed, or another one was chosen meanwhile
 }, () => (app.replay.open ? played?.visit ?? "" : ""));
 const timeline = new Timeline(app, (time) => {
   played = null;

@@ -81,7 +81,10 @@ export class Events {
     const unknown = events.filter((event) => !this.visits.has(event.data.visit) || (this.visits.get(event.data.visit)?.pictures.length === 0));
     if (!unknown.length) return;
     for (const { data } of unknown) this.visits.set(data.visit, null);
-    const { visits } = await get(`/api/v1/visits?${new URLSearchParams({ limit: 1000, after: unknown.at(-1).data.visit.slice(0, 10) })}`);
+    const { visits } = await get(`/api/v1/visits?${new URLSearchParams({ limit: 1000, after: unknown.at(-1).data.visit.slice(0, 10) })}`).catch((error) => {
+      for (const { data } of unknown) if (this.visits.get(data.visit) === null) this.visits.delete(data.visit); // the next time
+      throw error;
+    });
     for (const visit of visits) this.visits.set(visit.visit, visit);
     const there = new Set(events.map((event) => event.data.visit));
     for (const name of this.visits.keys()) if (!there.has(name)) this.visits.delete(name);

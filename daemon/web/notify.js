@@ -57,6 +57,7 @@ export class Notify {
   }
 
   start() {
+    if (this.source) return; // asked for twice
     this.source = new EventSource("/api/v1/events/stream");
     this.source.addEventListener("message", (message) => this.take(JSON.parse(message.data)));
   }

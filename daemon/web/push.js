@@ -19,6 +19,7 @@ const bytesOf = (base64) => Uint8Array.from(atob(base64.replaceAll("-", "+").rep
 export class Push {
   /** @param onOpen  (name) => void: a notification of a visit was clicked while this page is open */
   constructor(onOpen) {
+    this.last = Promise.resolve(); // of changes, one after the other
     this.box = $("notify-push");
     this.box.checked = storage(KEPT) === "1" && !obstacle();
     this.box.addEventListener("change", () => this.change());
@@ -30,21 +31,26 @@ export class Push {
     this.renew();
   }
 
+  after(step) {
+    const mine = this.last.then(step);
+    this.last = mine.catch(() => {});
+    return mine;
+  }
+
   async change() {
     const on = this.box.checked;
     try {
-      if (on) await this.subscribe(true);
-      else await this.unsubscribe();
+      await this.after(() => (on ? this.subscribe(true) : this.unsubscribe()));
       storage(KEPT, on ? "1" : "0");
     } catch (error) {
-      this.box.checked = !on;
+      if (this.box.checked === on) this.box.checked = !on; // else it was changed again meanwhile
       complain(error);
     }
   }
 
   /** Again with the filters of the panel: they may have changed, and the service may have lost them. */
   renew() {
-    if (this.box.checked) this.subscribe(false).catch((error) => console.warn(error.message));
+    if (this.box.checked) this.after(() => this.box.checked && this.subscribe(false)).catch((error) => console.warn(error.message));
   }
 
   async subscribe(test) {

@@ -24,6 +24,7 @@ export class Replay {
     this.onState = onState;
     this.drawn = drawn;
     this.id = null; // of the service's replay; null: the picture is live
+    this.opening = null; // promise of the id of one that is being opened: the service plays one at a time
     this.state = null;
     this.turn = 0; // of requests
     this.pending = 0;
@@ -101,7 +102,11 @@ export class Replay {
       this.first = NaN;
     }
     try {
-      const state = await post("/api/v1/replay", this.open ? { ...what, replay: this.id } : what);
+      const replay = this.id ?? await this.opening;
+      if (turn !== this.turn) return;
+      const answer = post("/api/v1/replay", replay ? { ...what, replay } : what);
+      if (!replay) this.opening = answer.then((state) => state.replay, () => null);
+      const state = await answer;
       if (turn === this.turn) this.take(state);
     } catch (error) {
       if (turn !== this.turn) return;
@@ -130,15 +135,15 @@ export class Replay {
   }
 
   close() {
-    if (!this.open) return;
-    const id = this.id;
+    if (!this.state) return; // also while one that ended is opened once more
+    const { id, opening } = this;
     this.end();
-    post("/api/v1/replay", { replay: id, close: true }).catch(() => {}); // it ends by itself
+    Promise.resolve(id ?? opening).then((replay) => replay && post("/api/v1/replay", { replay, close: true })).catch(() => {}); // it ends by itself
   }
 
   end() {
     this.turn++;
-    this.id = this.state = null;
+    this.id = this.opening = this.state = null;
     this.goal = NaN;
     this.awaits = this.held = false;
     this.show();
@@ -184,7 +189,7 @@ export class Replay {
       complain(error);
       return;
     }
-    this.id = null; // it ended while the page was hidden: once more
+    this.id = this.opening = null; // it ended while the page was hidden: once more
     this.start({ time }).catch((why) => {
       complain(why);
       this.end();

@@ -50,7 +50,7 @@ export class Videos {
       if (!$("visit").open) toast("The video is being made: below Recordings.", "info");
       await this.poll();
     } catch (error) {
-      if (error.status === 404 && $("visit").open) setText($("visit-facts"), error.message);
+      if (error.status === 404 && $("visit").open && what.visits?.length === 1 && what.visits[0] === $("visit").dataset.visit) setText($("visit-facts"), error.message);
       else complain(error);
     }
   }
@@ -60,6 +60,8 @@ export class Videos {
     const { replay } = this;
     const at = replay.drawn();
     if (!Number.isFinite(at)) return;
+    if (this.markedIn !== replay.id) this.begin = NaN; // in a replay that has ended
+    this.markedIn = replay.id;
     if (Number.isFinite(this.begin) && Math.abs(at - this.begin) >= 100) {
       const [from, to] = [this.begin, at].sort((a, b) => a - b).map((ms) => new Date(ms).toISOString());
       this.make({ from, to, recording: replay.state.recording });
@@ -75,15 +77,19 @@ export class Videos {
   // --- the list ---
 
   async poll() {
+    this.again = true; // an answer that is awaited may not know
     if (this.polling) return;
     this.polling = true;
     try {
-      do {
+      while (this.again || this.busy) {
+        this.again = false;
         await visible();
-        await this.refresh();
-        if (!this.busy) break;
-        await new Promise((done) => setTimeout(done, POLL_MS));
-      } while (this.busy);
+        await this.refresh().catch((error) => {
+          if (error.status !== 0 || !this.awaited.size) throw error;
+          this.again = true; // no answer: once more
+        });
+        if (this.again || this.busy) await new Promise((done) => setTimeout(done, POLL_MS));
+      }
     } catch (error) {
       if (error.status !== 0 && this.mine.size) complain(error); // the status request reports a service that is gone
     } finally {

@@ -37,13 +37,18 @@ export class LargeVisit {
     const step = { ArrowLeft: 1, ArrowRight: -1, j: 1, k: -1 }[event.key];
     const button = { r: "visit-reviewed", s: "visit-keep", p: "visit-play", Delete: "visit-delete" }[event.key];
     if (event.ctrlKey || event.altKey || event.metaKey) return;
+    if (event.repeat && (button || event.target.id === "visit-delete")) { // a key that is held is one press
+      event.preventDefault();
+      return;
+    }
     if (button) {
       $(button).click();
       event.preventDefault();
       return;
     }
     if (!step || (event.target.type === "radio" && event.key.startsWith("Arrow"))) return;
-    this.visits.next(this.open, step).then((visit) => visit && this.show(visit));
+    const { visit: name } = this.open;
+    this.visits.next(this.open, step).then((visit) => visit && this.open?.visit === name && this.show(visit)).catch(complain);
   }
 
   show(visit) {
@@ -103,6 +108,7 @@ export class LargeVisit {
       return;
     }
     const gone = this.open;
+    this.sure(false);
     try {
       const next = await this.visits.next(gone, 1) ?? await this.visits.next(gone, -1);
       await this.visits.change([gone], { delete: true });

@@ -34,6 +34,7 @@ export class Visits {
     this.reviewing = new Set(); // visits with a review to be sent
     this.sending = false;
     this.anchor = ""; // where it began
+    this.opening = ""; // name that was asked for last
     this.cards = new Cards($("visits"), { build: () => this.build(), show: (row, visit) => this.showCard(row, visit), drop: (row) => this.drop(row) },
       () => this.loadMore().catch(complain));
     this.large = new LargeVisit(this);
@@ -167,9 +168,9 @@ export class Visits {
 
   /** The one so many places on, after the ones that must be loaded for it; null: there is none. */
   async next(visit, step) {
-    const at = this.list.findIndex((other) => other.visit === visit?.visit);
-    if (at + step >= this.list.length) await this.loadMore();
-    return this.list[at + step] ?? null;
+    const at = () => this.list.findIndex((other) => other.visit === visit?.visit); // newer ones may come meanwhile
+    if (at() + step >= this.list.length) await this.loadMore();
+    return this.list[at() + step] ?? null;
   }
 
   /** Why its recording cannot be played; "": it can. */
@@ -361,8 +362,11 @@ export class Visits {
 
   /** Opens one by its name, which begins with its time. */
   async openByName(name) {
+    const before = this.large.open;
+    this.opening = name;
     const near = new URLSearchParams({ after: name.replace(/-[^-]*$/, ""), before: `${name}-` });
     const found = this.find(name) ?? (/^[\d-]+T[\d-]+Z-\d+$/.test(name) ? (await get(`/api/v1/visits?${near}`)).visits.find((visit) => visit.visit === name) : null);
+    if (this.opening !== name || (this.large.open && this.large.open !== before)) return; // another one was opened meanwhile
     if (found) this.show(found);
     else toast("This visit is no longer kept.");
   }
@@ -390,8 +394,9 @@ export class Visits {
 
   async review() {
     if (this.chosen.size) {
-      await act("reviewed", this.selection(), this);
-      this.select([]);
+      const list = this.selection();
+      await act("reviewed", list, this);
+      this.select([...this.chosen].filter((name) => !list.some(({ visit }) => visit === name)));
       return;
     }
     const visit = this.find(this.current);
@@ -408,9 +413,10 @@ export class Visits {
   /** One request at a time: keys that repeat faster than the service answers are of the next one. */
   async sendReviewed() {
     if (this.sending || !this.reviewing.size) return;
-    const list = [...this.reviewing];
-    this.sending = true;
+    const list = [...this.reviewing].filter((visit) => !visit.reviewed); // by the request before
     this.reviewing.clear();
+    if (!list.length) return;
+    this.sending = true;
     await act("reviewed", list, this);
     this.sending = false;
     await this.sendReviewed();

@@ -52,11 +52,20 @@ export class Zones extends Shapes {
 
   async load() {
     const { zones, revision, file } = await get("/api/v1/zones");
-    this.all = zones;
-    this.revision = revision;
+    this.replace({ zones, revision });
     setText($("zones-file"), file ? `Kept in ${file}, in place of zones: of the other files.` : "web.zones_file is \"\": zones cannot be changed here.");
     this.draw();
     if (!this.edited) this.showList();
+  }
+
+  /** The service's zones; the one that is edited is found again among them. */
+  replace({ zones, revision }) {
+    const name = this.edited && this.all[this.index]?.name;
+    this.all = zones;
+    this.revision = revision;
+    if (!this.edited) return;
+    this.index = zones.findIndex((zone) => zone.name === name); // -1: it is new, or another client has deleted it
+    $("zone-delete").hidden = this.index < 0;
   }
 
   toggle(open) {
@@ -189,16 +198,20 @@ export class Zones extends Shapes {
   }
 
   async send(zones, done) {
+    const { edited } = this;
     $("zone-save").setAttribute("aria-busy", "true");
     try {
       const answer = await post("/api/v1/zones", { zones, revision: this.revision });
-      this.all = answer.zones;
-      this.revision = answer.revision;
-      this.cancel();
+      const same = this.edited === edited; // else it was left meanwhile
+      if (same) this.leave();
+      this.replace(answer);
+      if (same) this.cancel();
+      else if (!this.edited) this.showList();
       this.draw();
       toast(done);
     } catch (error) {
-      this.complain(error.message);
+      if (this.edited === edited) this.complain(error.message);
+      else complain(error);
       if (error.status === 409) this.load().catch(complain);
     } finally {
       $("zone-save").removeAttribute("aria-busy");

@@ -414,7 +414,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
             merge(s.patch, body.get("status", {}))
             for name, patch in body.get("cameras", {}).items():
                 s.camera_patch.setdefault(name, {}).update(patch)
-            for key in ("role", "views_max", "refuse", "hold", "old", "computing", "stall", "preview", "hold_videos", "tracks", "unconfirmed", "many", "masks", "pause", "late_s", "tracks_late_s", "tracks_at"):
+            for key in ("role", "views_max", "refuse", "hold", "old", "computing", "stall", "preview", "hold_videos", "tracks", "unconfirmed", "many", "masks", "pause", "late_s", "tracks_late_s", "tracks_at", "zones"):
                 if key in body:
                     setattr(s, key, body[key])
             for e in body.get("events", []):

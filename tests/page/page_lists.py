@@ -170,6 +170,10 @@ def test_visits(b, fake):
     b.click("#visit-delete")
     check(not any("delete" in (r or {}) for r in fake.posts("/api/v1/visits")), "deleted by one click")
     b.wait("document.getElementById('visit-delete').textContent.includes('Really')")
+    for _ in range(3):  # a key that is held is one press
+        b.call("Input.dispatchKeyEvent", type="rawKeyDown", key="Delete", windowsVirtualKeyCode=46, autoRepeat=True)
+    b.call("Input.dispatchKeyEvent", type="keyUp", key="Delete", windowsVirtualKeyCode=46)
+    check(not any("delete" in (r or {}) for r in fake.posts("/api/v1/visits")), "deleted by a key that is held")
     fake.set(late_s=1)  # a busy machine: the counts come after the reader has closed the picture
     b.click("#visit-delete")
     b.wait(f"{cards}.length === 3")
@@ -334,6 +338,13 @@ def test_review_keeps(b, fake):
       document.activeElement.dispatchEvent(new KeyboardEvent("keydown", { key: "r", bubbles: true, cancelable: true }));""")
     b.wait(f"{left} === {total - 6}")
     check([len(visits) for visits in sent()[count:]] == [1, 5] and len(set(sum(sent()[count:], []))) == 6, f"six presses in a frame sent: {sent()[count:]}")
+
+    count = len(fake.posts("/api/v1/visits"))
+    b.js("""for (const key of ["r", "k", "r"])
+      document.activeElement.dispatchEvent(new KeyboardEvent("keydown", { key, bubbles: true, cancelable: true }));""")
+    b.wait(f"{left} === {total - 7}")
+    time.sleep(0.3)
+    check(not any(p.get("reviewed") is False for p in fake.posts("/api/v1/visits")[count:]), "pressed again before the answer, the review is taken back")
 
     def kept(goal):
         for _ in range(200):  # a press while the next page is on its way is of the same visit
@@ -614,6 +625,18 @@ def test_zones(b, fake):
     tree = posts()[-1]["zones"][-1]
     check(tree["name"] == "tree" and tree["mask"] and abs(tree["points"][0][0] - x0 - 0.02) < 0.001, f"sent: {tree}")
 
+    b.js("document.querySelectorAll('.zone')[1].click()")  # another client deletes the zone before it meanwhile
+    b.wait("!document.getElementById('zone-one').hidden")
+    both = posts()[-1]["zones"]
+    fake.set(zones=[tree])
+    b.click("#zone-delete")
+    b.wait("document.getElementById('zone-error').textContent.includes('another client')")
+    b.js("document.getElementById('zone-cancel').click()")
+    b.wait("document.getElementById('zone-list').children.length === 1 && document.querySelector('#zone-list').textContent.includes('tree')")
+    fake.set(zones=both)
+    b.click("#zones")
+    b.click("#zones")
+    b.wait("document.getElementById('zone-list').children.length === 2")
     b.js("document.getElementById('zone-new').click()")  # a triangle, corner by corner
     b.wait("document.activeElement === document.getElementById('stage')")
     for keys in (("ArrowLeft", 37, 3), ("ArrowDown", 40, 5), ("ArrowRight", 39, 6)):
