@@ -174,7 +174,8 @@ int manifest_parse(const char *line, size_t n, int cameras, struct manifest_segm
         result = err ? err : 1;
     } else if (json_unpack(root, "{s:i, s:i, s:I, s:I}", "segment", &s.segment, "session", &s.session, "start_ns",
                            &start, "wall_ns", &wall) ||
-               s.segment < 0 || s.segment > SEGMENT_NUMBER_MAX || s.session < 0) {
+               s.segment < 0 || s.segment > SEGMENT_NUMBER_MAX || s.session < 0 ||
+               s.session > s.segment) { /* each session has a segment */
         result = -EBADMSG;
     } else {
         s.start_ns = start;

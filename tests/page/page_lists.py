@@ -847,9 +847,13 @@ def test_push(b, fake):
     visit = fake.visits()[0]["visit"]
     message = {"title": "Pedestrian in gate", "body": "Yard: Pedestrian came", "tag": visit, "url": f"/#visit={visit}", "picture": f"/api/v1/visits/{visit}/seen", "time": ""}
     b.js("navigator.serviceWorker.ready.then(() => true)")
-    b.call("ServiceWorker.deliverPushMessage", origin=fake.url.rstrip("/"), registrationId=b.worker(), data=json.dumps(message))
+    deliver = lambda: b.call("ServiceWorker.deliverPushMessage", origin=fake.url.rstrip("/"), registrationId=b.worker(), data=json.dumps(message))
     notes = "navigator.serviceWorker.ready.then((r) => r.getNotifications()).then((all) => all.map((n) => [n.title, n.body, n.tag, (n.image ?? '').slice(0, 15), n.data.url]))"
-    shown = expect(lambda: b.js(notes))
+    for _ in range(6):  # of one in many, a browser on a busy machine shows nothing
+        deliver()
+        shown = expect(lambda: b.js(notes), 10)
+        if shown:
+            break
     check(shown == [[message["title"], message["body"], visit, "data:image/jpeg", message["url"]]], f"the worker shows {shown}")
     b.js("window.dispatchEvent(new Event('focus'))")
     b.click("#notify-push")

@@ -50,6 +50,8 @@ static void lines_are_read_strictly(void **state)
         { -EBADMSG, "[]" },
         { -EBADMSG, "{}" },
         { -EBADMSG, "{\"segment\":1000000,\"session\":1,\"start_ns\":5}" },
+        { -EBADMSG, "{\"segment\":1,\"session\":2,\"start_ns\":5,\"wall_ns\":6}" },
+        { -EBADMSG, "{\"segment\":3,\"session\":2147483647,\"start_ns\":5,\"wall_ns\":6}" },
         { -EBADMSG, "{\"segment\":-1,\"session\":1,\"start_ns\":5}" },
         { -EBADMSG, "{\"segment\":1,\"session\":1,\"start_ns\":\"5\"}" },
         { -EBADMSG, "{\"set\":1}" },
