@@ -6,7 +6,8 @@
 Each start runs until a walker has passed behind the hedge and was tracked. Columns of its line: the automatic cut; pictures with the passer-by
 away from both sides; the rows in which the passer-by differs from the pictures without anybody, as a share of the passer-by's (median, and
 tenth percentile); the share of these pictures at whose time a box is there, of a track or an unconfirmed one; then for each pass the seconds
-from the first picture seen to its begin, and from its begin to the first box and to the first track; pictures in which a track was removed.
+from the first picture seen to its begin, and from its begin to the first box and to the first track; seconds from the passer-by's last picture
+to the last track (who leaves is held for some seconds); pictures in which a track was removed.
 Figures of an idle machine; ends with 1 if a start misses the passer-by, shows less than WHOLE of the rows, or has no box within SOON_S in a pass.
 
 --sstd: a service with a configuration written here, on the same simulated cameras, instead of the demo; sst-sim is of --build.
@@ -173,7 +174,9 @@ class Start:
             box, track = (next((t - p[0][0] for t, _, found, _ in p if any(map(has, found))), np.inf) for has in (bool, lambda b: "state" in b))
             result[f"pass {passes.index(p) + 1} at s"] = f"{p[0][0] - self.pictures[0][0]:.0f} (box {box:.2f}, track {track:.2f})"
             soon = soon and box <= SOON_S
-        result |= {"removed": removed, "sets_s": self.live.get("rate_hz")}
+        left = passes[-1][-1][0] if passes else np.inf
+        tracked = [t for t, found in self.tracks if any("state" in b for b in found)]
+        result |= {"tracked_after_s": max(tracked[-1] - left, 0) if tracked else 0.0, "removed": removed, "sets_s": self.live.get("rate_hz")}
         result["good"] = soon and result["rows"] >= WHOLE and not removed
         return result, [self.cut_out(picture, middle) for _, picture, middle, _ in rows[::max(1, len(rows) // 12)]]
 
