@@ -402,8 +402,8 @@ static double reported_depth(double after_s, bool lost)
     return disp_px;
 }
 
-/* Which image of a person on several planes is reported first is chance; leaves that move later, where the person has
- * just been, are nobody. */
+/* Images of a person on several planes: chance decides the first report. Leaves that a reported person disturbs later
+ * are no image. */
 static void who_is_known_does_not_become_leaves(void **state SST_UNUSED)
 {
     assert_true(fabs(reported_depth(0.2, false) - 11) < 0.1);

@@ -37,7 +37,7 @@
 #define EARLY_MOVED 0.5
 #define LEFT_NS     INT64_C(12000000000) /* for this long it counts that a reported one has been at a place */
 #define AFTER_S     30.0                 /* until a track is reported that begins there, or has been beside one */
-#define RESTS_NS    INT64_C(8000000000)  /* at a place: it stands there, or is what it has left behind */
+#define RESTS_NS    INT64_C(8000000000)  /* in one place: a standing person, or leaves that one has disturbed */
 #define STAYS_S     600.0                /* an object that has not moved for this long is part of the scene */
 #define PEAK_MIN    1.0
 /* At the start: as if chance had made tracks for these hours, at this rate an hour and with this mean evidence. */

@@ -110,8 +110,8 @@ void sst_hidden_close(struct sst_hidden *h)
  */
 
 /* Boxes of reported tracks, excluded from background learning. Standing ones come first: colours of passing persons may
- * be learnt. Where one that came rests, the level follows: a person stays above it for most of a minute, leaves that
- * the person has disturbed do not. */
+ * be learnt. Where a track that moved rests, the level follows: a person stays above it for most of a minute,
+ * disturbed leaves for seconds. */
 static void find_kept(struct sst_hidden *h)
 {
     h->keeps = h->stands = 0;

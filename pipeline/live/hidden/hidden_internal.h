@@ -148,7 +148,7 @@ struct hidden_track {
     struct sst_hidden_thing thing; /* key, times, reported, evidence */
     double x, y, w, h, vx, vy;     /* middle, size; blocks, blocks/s */
     double from_x, from_y;         /* where it was first */
-    double rest_x, rest_y;         /* it has not gone away from here ... */
+    double rest_x, rest_y;         /* place from which it has not moved by its size ... */
     int64_t rest_ns;               /* ... since then */
     bool behind_one;               /* it began where a reported one had just been */
     bool beside;                   /* it was near a reported one: no chance */
@@ -195,7 +195,7 @@ bool hidden_tracks_left(const struct hidden_tracks *t, const struct hidden_left 
 /** Has it gone away from where it began? */
 bool hidden_track_moved(const struct hidden_track *a);
 
-/** Has one that came stayed at a place for long? */
+/** Has a track that moved stayed in one place for 8 s? */
 bool hidden_track_rests(const struct hidden_track *a, int64_t t_ns);
 
 /** Evidence at which chance makes as many reports as are accepted. */
