@@ -411,6 +411,33 @@ static void who_is_known_does_not_become_leaves(void **state SST_UNUSED)
     assert_true(isnan(reported_depth(4, true)));
 }
 
+/* Seconds for which a walker is reported who shows by that many standard deviations, leaves after 4 s, and is followed
+ * by chance candidates of 2.5. */
+static double reported_s(double z)
+{
+    struct hidden_planes planes = { .count = 12, .step_px = 1 };
+    struct hidden_tracks t;
+    int sets = 0;
+
+    for (int k = 0; k < planes.count; k++)
+        planes.disp_px[k] = 1 + k;
+    hidden_tracks_init(&t, 1);
+    for (int n = 1; n < 100; n++) {
+        const struct hidden_candidate c = n <= 20 ? candidate_at(8 + 0.3 * n, 3, z) : candidate_at(14, 3 + n % 3, 2.5);
+
+        hidden_tracks_follow(&t, &c, n <= 20 || n % 5 == 0, &planes, INT64_C(200000000) * n);
+        sets += t.count > 0 && t.track[0].thing.reported;
+    }
+    return 0.2 * sets;
+}
+
+/* Chance does not keep who was plain to see; of one who was as faint nobody can tell. */
+static void chance_does_not_keep_who_has_left(void **state SST_UNUSED)
+{
+    assert_true(reported_s(40) > 2 && reported_s(40) < 7);
+    assert_true(reported_s(5) > 7);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -422,6 +449,7 @@ int main(void)
         serial_test(wind_after_a_calm_is_nobody),
         plain_test(who_walks_soon_after_the_start_is_found),
         cmocka_unit_test(who_is_known_does_not_become_leaves),
+        cmocka_unit_test(chance_does_not_keep_who_has_left),
         cmocka_unit_test(sizes_are_checked),
         thread_test(threads_do_not_matter),
     };

@@ -24,6 +24,7 @@
 #define IMAGE_SETS  2   /* of a better one */
 #define KNOWN_S     2.0 /* after the report, its depth is known: one farther from it than ... */
 #define KNOWN_STEPS 2.0 /* ... this many planes is no image of it */
+#define FAINT       0.25 /* of a reported one's candidates lately: less is chance, which does not keep it */
 #define GAIN        0.7
 #define GAIN_Z      0.3
 #define GAIN_SPEED  0.25
@@ -133,8 +134,9 @@ static double misfit(const struct hidden_track *a, const struct group *g, double
     const double reach = fmax(a->h, g->y1 - g->y0) * (REACH + SPEED * age_s);
     const double dx = fabs((g->x0 + g->x1) / 2 - a->x) / reach, dy = fabs((g->y0 + g->y1) / 2 - a->y) / reach;
     const double dd = fabs(g->disp_px - a->thing.disp_px) / depth_px;
+    const bool faint = a->thing.reported && g->z < FAINT * a->z;
 
-    return dx > 1 || dy > 1 || dd > 1 ? INFINITY : dx + dy + dd - g->z / 10;
+    return faint || dx > 1 || dy > 1 || dd > 1 ? INFINITY : dx + dy + dd - g->z / 10;
 }
 
 static void see(struct hidden_track *a, const struct group *g, double dt_s, int64_t t_ns)
