@@ -15,16 +15,16 @@
 #define LOST_S      3.0
 #define STILL_S     20.0 /* without any change in the scene: persons move sooner or later */
 #define LOST_SETS   2
-#define REACH       0.5 /* of the height: a thing moves by this at once, ... */
-#define SPEED       1.0 /* ... and by this in a second, ... */
-#define REACH_S     1.5 /* ... for at most this time: a candidate farther away belongs to another thing or is noise */
-#define DEPTH_STEPS 4.0 /* planes */
-#define IMAGE       0.6 /* one that differs much shows images of itself on other planes, weaker than this ... */
-#define IMAGE_SIDES 2.0 /* ... within this many times the sizes of both together */
-#define IMAGE_SETS  2   /* of a better one */
-#define KNOWN_S     2.0 /* after the report, its depth is known: one farther from it than ... */
-#define KNOWN_STEPS 2.0 /* ... this many planes is no image of it */
-#define FAINT       0.25 /* of a reported one's candidates lately: less is chance, which does not keep it */
+#define REACH       0.5  /* of the height: a thing moves by this at once, ... */
+#define SPEED       1.0  /* ... and by this in a second, ... */
+#define REACH_S     1.5  /* ... for at most this time: a candidate farther away belongs to another thing or is noise */
+#define DEPTH_STEPS 4.0  /* planes */
+#define IMAGE       0.6  /* one that differs much shows images of itself on other planes, weaker than this ... */
+#define IMAGE_SIDES 2.0  /* ... within this many times the sizes of both together */
+#define IMAGE_SETS  2    /* of a better one */
+#define KNOWN_S     2.0  /* after the report, its depth is known: one farther from it than ... */
+#define KNOWN_STEPS 2.0  /* ... this many planes is no image of it */
+#define FAINT       0.25 /* of a reported one's candidates lately: less is chance, or leaves, and does not keep it */
 #define GAIN        0.7
 #define GAIN_Z      0.3
 #define GAIN_SPEED  0.25
@@ -364,12 +364,13 @@ static struct hidden_track *best_near(struct hidden_tracks *t, const struct hidd
     return best;
 }
 
-/* One that was an image of a reported track, or a part of it, is that thing when the track is lost. */
+/* One that was an image of a reported track, or a part of it, is that thing when the track is lost; what the leaves
+ * show after it, which is far weaker, is not. */
 static void leave_to_heir(struct hidden_tracks *t, struct hidden_track *lost, double threshold)
 {
     struct hidden_track *heir = lost->thing.reported ? best_near(t, lost, threshold, lost->thing.seen_ns) : NULL;
 
-    if (heir)
+    if (heir && heir->z >= FAINT * lost->z)
         go_on_as(lost, heir);
 }
 
